@@ -1,0 +1,1 @@
+"""Actors as self-contained ONNX files."""

@@ -1,0 +1,1 @@
+"""A MAVLink autopilot that behaves as ArduPilot Rover."""

@@ -1,0 +1,1 @@
+"""Foreign simulators and autopilots."""

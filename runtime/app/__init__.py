@@ -1,0 +1,1 @@
+"""Configuration, pipeline, loop, recorder, replay and the command line."""

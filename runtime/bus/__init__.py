@@ -1,0 +1,1 @@
+"""Publish and subscribe: Zenoh, or in memory."""

@@ -1,0 +1,1 @@
+"""Angles, poses and frames: pure functions."""

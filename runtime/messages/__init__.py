@@ -1,0 +1,1 @@
+"""The messages that travel, their CDR form and the table of topics."""

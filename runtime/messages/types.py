@@ -1,0 +1,174 @@
+"""The messages: frozen, slotted, SI units, NED and FRD.
+
+Under each field stands ``[unit] [frame] [shape] meaning``. Arrays are never written to after a
+message has been made.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twinscrew.runtime.geometry.frames import euler_from_quaternion
+
+Float32: TypeAlias = NDArray[np.float32]
+Float64: TypeAlias = NDArray[np.float64]
+
+NANOSECONDS_PER_SECOND = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointCloud:
+    """One LiDAR scan, as the sensor gave it but with axes turned to forward-starboard-down."""
+
+    stamp_ns: int
+    """[ns] When the scan was taken (the message's stamp)."""
+    frame_id: str
+    """The sensor's frame, as the message names it."""
+    points_S: Float32
+    """[m] [S, FRD] (N, 3), C-contiguous. May hold NaN and infinities: rays without an echo."""
+    intensity: Float32 | None = None
+    """[sensor's own] (N,) Strength of the echo; None if the sensor does not tell."""
+    ring: NDArray[np.uint16] | None = None
+    """[-] (N,) Beam number, lowest elevation first; None if the sensor does not tell."""
+    time_offset_s: Float32 | None = None
+    """[s] (N,) Time of each echo after `stamp_ns`; None if the sensor does not tell."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Odometry:
+    """Where the vessel is and how it moves."""
+
+    stamp_ns: int
+    """[ns] When it was measured."""
+    position_N: Float64
+    """[m] [N] (3,) Position of the vessel's origin: north, east, down."""
+    q_NB: Float64
+    """[-] (4,) Attitude of B in N as a unit quaternion, w first."""
+    velocity_B: Float64
+    """[m/s] [B] (3,) Velocity over ground: surge, sway, heave."""
+    rates_B: Float64
+    """[rad/s] [B] (3,) Roll, pitch and yaw rate."""
+
+    @property
+    def heading(self) -> float:
+        """[rad] [N] Heading, clockwise from north, in [-pi, pi]."""
+        return euler_from_quaternion(self.q_NB)[2]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Goal:
+    """Where the vessel has to go."""
+
+    stamp_ns: int
+    """[ns] When it was set."""
+    position_N: Float64
+    """[m] [N] (2,) North, east."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Engagement:
+    """Whether thrust commands may act: armed, in the right mode, nothing stale."""
+
+    stamp_ns: int
+    """[ns] When it changed."""
+    engaged: bool
+    """True while the autopilot lets the runtime drive."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Objects:
+    """What perception found in one scan."""
+
+    stamp_ns: int
+    """[ns] The scan's stamp."""
+    p_B: Float64
+    """[m] [B, levelled] (K, 2) Centres: forward, starboard of the vessel's origin."""
+    radius: Float64
+    """[m] (K,) Largest horizontal distance of the object's points from its centre."""
+    points: NDArray[np.int64]
+    """[-] (K,) Number of points of each object."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracks:
+    """What the tracker believes is around the vessel."""
+
+    stamp_ns: int
+    """[ns] The scan's stamp."""
+    id: NDArray[np.int64]
+    """[-] (K,) Never used twice in a run."""
+    p_N: Float64
+    """[m] [N] (K, 2) Centres: north, east."""
+    v_N: Float64
+    """[m/s] [N] (K, 2) Velocity over ground: north, east."""
+    radius: Float64
+    """[m] (K,)"""
+    covariance: Float64
+    """[m, m/s] [N] (K, 4, 4) Covariance of (north, east, v_north, v_east)."""
+    age_s: Float64
+    """[s] (K,) Time since the last scan in which it was seen; 0 if seen in this one."""
+
+
+OBSERVED_OBJECTS = 5
+"""How many objects a policy sees (paper, sec. IV; parameters.md: at most 5, nearest first)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observation:
+    """What a policy sees: raw SI units, frame B."""
+
+    ego: Float32
+    """(7,) Goal x, y [m]; surge, sway [m/s]; yaw rate [rad/s]; left, right thrust [N]; eq. (2)."""
+    objects: Float32
+    """(5, 5) x, y [m]; vx, vy over ground in B's axes [m/s]; radius [m]; nearest first. Eq. (3)."""
+    mask: Float32
+    """(5,) 1 where `objects` holds an object, 0 where it is padding (all zeros)."""
+
+
+class Severity(Enum):
+    """How bad a health event is."""
+
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HealthEvent:
+    """Something an operator should know, by a name that scripts can rely on."""
+
+    stamp_ns: int
+    """[ns] When."""
+    name: str
+    """A name of `twinscrew.runtime.safety.events`, as "lidar_stale"."""
+    severity: Severity
+    detail: str = ""
+    """Plain words: which value, which limit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decision:
+    """What the core decided on one scan, with everything it saw."""
+
+    stamp_ns: int
+    """[ns] The scan's stamp."""
+    sequence: int
+    """[-] Counts the decisions of a run from 0."""
+    acted: bool
+    """True if the policy was asked (once a decision period); False if the thrust was held."""
+    thrust_rate: Float64
+    """[N/s] (2,) Left, right: what the policy asked for last."""
+    thrust: Float64
+    """[N] (2,) Left, right: the command from now on, within the vessel's limits."""
+    observation: Observation | None
+    """What the policy saw; None if it was not asked."""
+    objects: Objects
+    tracks: Tracks
+    events: tuple[HealthEvent, ...] = field(default=())
+    arrived: bool = False
+    """True once the (last) goal is reached."""

@@ -1,0 +1,1 @@
+"""From a point cloud to objects."""

@@ -1,0 +1,105 @@
+"""Settings: frozen, typed, validated, complete without any file.
+
+A stage's settings stand directly above the stage, as a `Settings` struct. Ranges are written in
+the type (`Annotated[float, Meta(gt=0)]`), so that one place checks them: an unknown key, a wrong
+type or a value out of range is a `ConfigError` that names file, key, value and what is allowed.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+from msgspec import Meta
+
+from twinscrew.runtime.errors import ConfigError, one_of
+
+Positive = Annotated[float, Meta(gt=0.0)]
+NonNegative = Annotated[float, Meta(ge=0.0)]
+Fraction = Annotated[float, Meta(ge=0.0, le=1.0)]
+Count = Annotated[int, Meta(ge=1)]
+
+CONFIG_DIR = Path(__file__).resolve().parent.parent / "config"
+"""Where the shipped configuration lies: beside this package, in a checkout and in a wheel."""
+
+
+class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A group of settings: frozen, by keyword, refusing unknown keys."""
+
+
+S = TypeVar("S", bound=Settings)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file; a `ConfigError` says where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except OSError as error:
+        raise ConfigError(error.strerror or str(error), file=path) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"not TOML: {error}", file=path) from error
+
+
+def load(path: Path, type_: type[S]) -> S:
+    """Read settings from a TOML file."""
+    return convert(read_toml(path), type_, file=path)
+
+
+def convert(values: object, type_: type[S], *, file: Path | str | None = None) -> S:
+    """Turn plain values into settings; `file` is named in the error."""
+    try:
+        return msgspec.convert(values, type_)
+    except msgspec.ValidationError as error:
+        key, message = _explain(str(error), values, type_)
+        raise ConfigError(message, file=file, key=key) from error
+
+
+def shipped(folder: str, name: str | Path, suffix: str = ".toml") -> Path:
+    """Find a configuration file: a path as it is, or a name in the shipped `folder`."""
+    path = Path(name)
+    if path.suffix or path.parent != Path():
+        if not path.is_file():
+            raise ConfigError("no such file", file=path)
+        return path
+    found = CONFIG_DIR / folder / f"{name}{suffix}"
+    if not found.is_file():
+        names = sorted(p.stem for p in (CONFIG_DIR / folder).glob(f"*{suffix}"))
+        raise ConfigError(one_of(str(name), names), file=CONFIG_DIR / folder)
+    return found
+
+
+def _explain(message: str, values: object, type_: type[Settings]) -> tuple[str | None, str]:
+    """Give the key and a message with the refused value, from msgspec's words."""
+    match = re.match(r"(?P<what>.*?)(?: - at `\$\.?(?P<key>[^`]*)`)?$", message)
+    what, key = (match["what"], match["key"]) if match else (message, None)
+    unknown = re.match(r"Object contains unknown field `(?P<field>[^`]*)`", what)
+    if unknown:
+        allowed = _fields_at(type_, key)
+        full = f"{key}.{unknown['field']}" if key else unknown["field"]
+        return full, "unknown key" + (f"; allowed: {', '.join(allowed)}" if allowed else "")
+    value = _value_at(values, key)
+    return key or None, what + (f", got {value!r}" if value is not None else "")
+
+
+def _value_at(values: object, key: str | None) -> object:
+    for part in re.findall(r"[^.\[\]]+", key or ""):
+        if isinstance(values, dict):
+            values = values.get(part)
+        elif isinstance(values, list) and part.isdigit() and int(part) < len(values):
+            values = values[int(part)]
+        else:
+            return None
+    return None if isinstance(values, dict) else values
+
+
+def _fields_at(type_: Any, key: str | None) -> list[str]:
+    for part in re.findall(r"[^.\[\]]+", key or ""):
+        fields = {f.encode_name: f.type for f in msgspec.structs.fields(type_)}
+        type_ = fields.get(part)
+        if not (isinstance(type_, type) and issubclass(type_, msgspec.Struct)):
+            return []
+    return [f.encode_name for f in msgspec.structs.fields(type_)]

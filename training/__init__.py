@@ -1,0 +1,1 @@
+"""The training environment, the agents and their evaluation."""
