@@ -1,0 +1,1 @@
+"""Benchmarks that print figures: functions () -> dict, found as entry points."""
