@@ -1,0 +1,110 @@
+"""What a policy sees: the ego state and the nearest objects in the vessel's levelled frame.
+
+Frame B is levelled here: x forward and y starboard in the horizontal plane, turned by the heading
+alone, so that roll and pitch in the waves do not shift what is 15 m away.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from twinscrew.runtime.geometry.frames import rotation_2d, rotation_from_quaternion
+from twinscrew.runtime.messages.types import (
+    OBSERVED_OBJECTS,
+    Float64,
+    Goal,
+    Observation,
+    Odometry,
+    Tracks,
+)
+from twinscrew.runtime.settings import NonNegative, Positive, Settings
+
+
+class ObservationSettings(Settings, frozen=True):
+    """Which objects a policy sees."""
+
+    perception_range_m: Positive = 20.0
+    """[m] An object is seen while its nearest edge is within this (paper, sec. III)."""
+    own_radius_m: NonNegative = 2.795
+    """[m] Radius of the own hull, half the diagonal of 5.0 m x 2.5 m (parameters.md, Vessel)."""
+
+
+DEFAULTS = ObservationSettings()
+
+
+def observe(
+    odometry: Odometry,
+    goal: Goal,
+    tracks: Tracks,
+    thrust: Float64,
+    settings: ObservationSettings = DEFAULTS,
+) -> Observation:
+    """Say what the vessel knows in the frame its policy was trained in.
+
+    Parameters
+    ----------
+    odometry
+        The vessel's state at the tracks' stamp.
+    goal
+        Where it has to go.
+    tracks
+        What is around it.
+    thrust : (2,) float64
+        The present command [N], left and right.
+    settings
+        Which objects are seen.
+
+    Returns
+    -------
+    Observation
+        Paper, eqs. (2) and (3): nearest objects first by the distance between the hulls' surfaces,
+        equal distances in the order of the tracks; zeros and mask 0 where there is none.
+    """
+    R_NB = rotation_2d(odometry.heading)
+    ego = np.empty(7, dtype=np.float32)
+    ego[:2] = (goal.position_N - odometry.position_N[:2]) @ R_NB
+    ego[2:5] = levelled_twist(odometry)
+    ego[5:] = thrust
+    objects = np.zeros((OBSERVED_OBJECTS, 5), dtype=np.float32)
+    mask = np.zeros(OBSERVED_OBJECTS, dtype=np.float32)
+    if tracks.id.size:
+        p_B = (tracks.p_N - odometry.position_N[:2]) @ R_NB
+        nearest = nearest_objects(p_B, tracks.radius, settings)
+        count = nearest.size
+        objects[:count, :2] = p_B[nearest]
+        objects[:count, 2:4] = tracks.v_N[nearest] @ R_NB
+        objects[:count, 4] = tracks.radius[nearest]
+        mask[:count] = 1.0
+    return Observation(ego=ego, objects=objects, mask=mask)
+
+
+def levelled_twist(odometry: Odometry) -> Float64:
+    """Give surge [m/s], sway [m/s] and yaw rate [rad/s] in the levelled frame, (3,).
+
+    The yaw rate is the vertical component of the angular velocity: unlike the derivative of the
+    heading, it has no singularity at a pitch of 90 degrees.
+    """
+    R_NB = rotation_from_quaternion(odometry.q_NB)
+    velocity_N = R_NB @ odometry.velocity_B
+    horizontal = velocity_N[:2] @ rotation_2d(odometry.heading)
+    return np.array([horizontal[0], horizontal[1], R_NB[2] @ odometry.rates_B])
+
+
+def nearest_objects(
+    p_B: Float64, radius: Float64, settings: ObservationSettings = DEFAULTS
+) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
+    """Give the indices of the objects to see, nearest surface first, at most `OBSERVED_OBJECTS`.
+
+    Parameters
+    ----------
+    p_B : (K, 2) float64
+        Centres [m], levelled frame B.
+    radius : (K,) float64
+        Radii [m].
+    settings
+        Range and own radius.
+    """
+    surface = np.hypot(p_B[:, 0], p_B[:, 1]) - radius - settings.own_radius_m
+    order = np.argsort(surface, kind="stable")
+    seen = surface[order] + settings.own_radius_m <= settings.perception_range_m
+    return order[seen][:OBSERVED_OBJECTS]
