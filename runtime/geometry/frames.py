@@ -1,7 +1,7 @@
-"""Frames: N is local north-east-down, B is the vessel's forward-starboard-down, S the sensor's.
+"""Frames: N is local north-east-down, B the vessel's forward-starboard-down, S the sensor's.
 
-`X_NB` is the pose of B in N; `p_NB` a position of B in N; `R_NB` turns a vector of B into N. A product
-is right when the inner letters meet. ENU and FLU exist at the ROS boundary only: the four
+`X_NB` is the pose of B in N; `p_NB` a position of B in N; `R_NB` turns a vector of B into N.
+A product is right when the inner letters meet. ENU and FLU exist at the ROS boundary only: the
 functions at the end are the one place where they are converted.
 
 Source: Fossen (2021), Handbook of Marine Craft Hydrodynamics and Motion Control, chapter 2.
@@ -38,7 +38,7 @@ def rotation_from_quaternion(q_NB: Array) -> Array:
 
 
 def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Array:
-    """Give the unit quaternion (w, x, y, z) of zyx Euler angles [rad]. Fossen (2021), sec. 2.2.3."""
+    """Give the unit quaternion (w, x, y, z) of zyx Euler angles [rad]. Fossen, sec. 2.2.3."""
     cr, sr = math.cos(roll / 2), math.sin(roll / 2)
     cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
     cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
@@ -59,6 +59,17 @@ def euler_from_quaternion(q_NB: Array) -> tuple[float, float, float]:
     pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
     yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     return roll, pitch, yaw
+
+
+def interpolate_quaternion(q0: Array, q1: Array, fraction: float) -> Array:
+    """Give the unit quaternion a fraction of the way from q0 to q1, the short way round.
+
+    Normalised linear interpolation: exact at both ends, and within 0.01 deg of the great arc for
+    the few degrees that a vessel turns between two odometry messages.
+    """
+    blend = (1.0 - fraction) * q0 + fraction * (q1 if float(q0 @ q1) >= 0.0 else -q1)
+    unit: Array = blend / math.sqrt(float(blend @ blend))
+    return unit
 
 
 def quaternion_product(p: Array, q: Array) -> Array:

@@ -1,0 +1,133 @@
+"""The core with its doors: payloads in, in the order they came; decisions out.
+
+`run`, `sitl`, the experiments and `replay` all feed this one object, so that a recording of what
+went in gives the same decisions again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from twinscrew.runtime.app.odometry_buffer import (
+    Arrival,
+    OdometryBuffer,
+    OdometryBufferSettings,
+    seconds_between,
+)
+from twinscrew.runtime.app.pipeline import Pipeline
+from twinscrew.runtime.errors import MessageError
+from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.types import (
+    NANOSECONDS_PER_SECOND,
+    Decision,
+    Engagement,
+    Goal,
+    HealthEvent,
+    Odometry,
+    PointCloud,
+)
+from twinscrew.runtime.safety.events import (
+    BAD_MESSAGE,
+    CLOCK_BACK,
+    ODOMETRY_JUMP,
+    ODOMETRY_MISSING,
+    OUT_OF_ORDER,
+)
+
+JUMP_DISTRUST_NS = NANOSECONDS_PER_SECOND
+"""[ns] After a jump of the position the boat stands still this long, to see whether it settles."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came of one payload."""
+
+    stamp_ns: int | None = None
+    """[ns] The message's stamp; None if it could not be read."""
+    decision: Decision | None = None
+    """The decision, if the message was a scan that could be used."""
+    events: tuple[HealthEvent, ...] = ()
+    """What an operator should know, besides the decision's own events."""
+
+
+class Core:
+    """Decodes, puts in order, and steps the pipeline on every scan."""
+
+    def __init__(
+        self, pipeline: Pipeline, odometry: OdometryBufferSettings | None = None
+    ) -> None:
+        self.pipeline = pipeline
+        settings = odometry or OdometryBufferSettings()
+        self._odometry = OdometryBuffer(settings)
+        self._clock_back_s = settings.clock_back_s
+        self._engaged = False
+        self._last_scan_ns: int | None = None
+        self._latest_ns = 0
+        self._distrust_until_ns: int | None = None
+        self._doors: dict[str, Callable[[bytes], Outcome]] = {
+            "points": lambda payload: self._scan(cdr.decode_point_cloud(payload)),
+            "odometry": lambda payload: self._add_odometry(cdr.decode_odometry(payload)),
+            "goal": lambda payload: self._set_goal(cdr.decode_goal(payload)),
+            "engagement": lambda payload: self._engage(cdr.decode_engagement(payload)),
+        }
+
+    def feed(self, topic: str, payload: bytes) -> Outcome:
+        """Take in one message of a core input topic; never raises on what the bytes hold."""
+        try:
+            return self._doors[topic](payload)
+        except MessageError as error:
+            return Outcome(events=(BAD_MESSAGE.at(self._latest_ns, f"{topic}: {error}"),))
+
+    def _engage(self, engagement: Engagement) -> Outcome:
+        self._engaged = engagement.engaged
+        return Outcome(stamp_ns=engagement.stamp_ns)
+
+    def _set_goal(self, goal: Goal) -> Outcome:
+        return Outcome(stamp_ns=goal.stamp_ns, events=(self.pipeline.set_goal(goal),))
+
+    def _add_odometry(self, odometry: Odometry) -> Outcome:
+        stamp_ns = odometry.stamp_ns
+        arrival = self._odometry.add(odometry)
+        events: tuple[HealthEvent, ...] = ()
+        if arrival is Arrival.OLD:
+            events = (OUT_OF_ORDER.at(self._latest_ns, f"odometry of {stamp_ns} ns"),)
+        elif arrival is Arrival.CLOCK_BACK:
+            events = (self._restart("odometry", stamp_ns),)
+        elif arrival is Arrival.JUMP:
+            self.pipeline.reset()
+            self._distrust_until_ns = stamp_ns + JUMP_DISTRUST_NS
+            north, east = odometry.position_N[:2]
+            events = (ODOMETRY_JUMP.at(stamp_ns, f"to north {north:.1f} m, east {east:.1f} m"),)
+        if arrival is not Arrival.OLD:
+            self._latest_ns = stamp_ns
+        return Outcome(stamp_ns=stamp_ns, events=events)
+
+    def _scan(self, cloud: PointCloud) -> Outcome:
+        stamp_ns = cloud.stamp_ns
+        events: tuple[HealthEvent, ...] = ()
+        if self._last_scan_ns is not None and stamp_ns <= self._last_scan_ns:
+            if seconds_between(stamp_ns, self._last_scan_ns) <= self._clock_back_s:
+                late = OUT_OF_ORDER.at(self._latest_ns, f"scan of {stamp_ns} ns")
+                return Outcome(stamp_ns=stamp_ns, events=(late,))
+            self._odometry.clear()
+            events = (self._restart("points", stamp_ns),)
+        self._last_scan_ns = self._latest_ns = stamp_ns
+        odometry = self._odometry.at(stamp_ns)
+        if odometry is None:
+            missing = ODOMETRY_MISSING.at(stamp_ns)
+            return Outcome(stamp_ns=stamp_ns, events=(*events, missing))
+        decision = self.pipeline.step(cloud, odometry, engaged=self._engaged and self._trusts(stamp_ns))
+        return Outcome(stamp_ns=stamp_ns, decision=decision, events=events)
+
+    def _trusts(self, stamp_ns: int) -> bool:
+        if self._distrust_until_ns is not None and stamp_ns >= self._distrust_until_ns:
+            self._distrust_until_ns = None
+        return self._distrust_until_ns is None
+
+    def _restart(self, topic: str, stamp_ns: int) -> HealthEvent:
+        self.pipeline.reset()
+        self._last_scan_ns = None
+        self._distrust_until_ns = None
+        back_s = seconds_between(stamp_ns, self._latest_ns)
+        return CLOCK_BACK.at(stamp_ns, f"{topic}: {back_s:.3f} s before the last message")

@@ -1,0 +1,69 @@
+"""The goals, one after another."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.messages.types import Goal, HealthEvent, Odometry
+from twinscrew.runtime.safety.events import GOAL_REACHED, GOAL_SET, WAYPOINT_REACHED
+from twinscrew.runtime.settings import Positive, Settings
+
+
+class MissionSettings(Settings):
+    """Where to go."""
+
+    waypoints_m: list[tuple[float, float]] = []
+    """[m] [N] Goals in order, each (north, east); more may come over the goal topic."""
+    goal_radius_m: Positive = 2.0
+    """[m] A goal is reached within this distance (parameters.md: 2.0 m)."""
+    hold_station: bool = False
+    """Head for the last goal again when the vessel has drifted twice the radius away from it."""
+
+
+class Mission:
+    """Knows the present goal, and when it is reached."""
+
+    def __init__(self, settings: MissionSettings | None = None) -> None:
+        self._settings = settings or MissionSettings()
+        for north_east in self._settings.waypoints_m:
+            if not all(math.isfinite(value) for value in north_east):
+                raise ConfigError(f"not finite: {north_east!r}", key="mission.waypoints_m")
+        self._goals = [
+            Goal(stamp_ns=0, position_N=np.array(north_east))
+            for north_east in self._settings.waypoints_m
+        ]
+        self._index = 0
+        self.arrived = False
+
+    @property
+    def goal(self) -> Goal | None:
+        """The goal to head for, reached or not; None if there is none."""
+        return self._goals[self._index] if self._goals else None
+
+    def set_goal(self, goal: Goal) -> HealthEvent:
+        """Replace all goals by one."""
+        self._goals, self._index, self.arrived = [goal], 0, False
+        north, east = goal.position_N
+        return GOAL_SET.at(goal.stamp_ns, f"north {north:.1f} m, east {east:.1f} m")
+
+    def step(self, odometry: Odometry) -> HealthEvent | None:
+        """Look where the vessel is; give an event when it reaches a goal."""
+        if self.goal is None:
+            return None
+        distance = float(np.hypot(*(self.goal.position_N - odometry.position_N[:2])))
+        radius = self._settings.goal_radius_m
+        if self.arrived:
+            drifted = self._settings.hold_station and distance > 2.0 * radius
+            self.arrived = not drifted
+            return None
+        if distance > radius:
+            return None
+        detail = f"goal {self._index + 1} of {len(self._goals)}, {distance:.2f} m away"
+        if self._index + 1 < len(self._goals):
+            self._index += 1
+            return WAYPOINT_REACHED.at(odometry.stamp_ns, detail)
+        self.arrived = True
+        return GOAL_REACHED.at(odometry.stamp_ns, detail)

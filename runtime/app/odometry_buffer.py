@@ -1,0 +1,122 @@
+"""Odometry at the time of a scan, from the messages around it."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from enum import Enum, auto
+
+from twinscrew.runtime.geometry.frames import interpolate_quaternion, rotation_from_quaternion
+from twinscrew.runtime.geometry.frames import quaternion_from_euler, quaternion_product
+from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Odometry
+from twinscrew.runtime.settings import Positive, Settings
+
+
+class OdometryBufferSettings(Settings):
+    """How far odometry is trusted."""
+
+    max_extrapolation_s: Positive = 0.2
+    """[s] A scan newer than the last odometry by more than this is not used (4 messages at 20 Hz)."""
+    max_speed_mps: Positive = 10.0
+    """[m/s] A position that moves faster than this (and a metre of slack) has jumped."""
+    clock_back_s: Positive = 1.0
+    """[s] A stamp this much older than the last one means that the clock was set back."""
+
+
+JUMP_SLACK_M = 1.0
+HISTORY = 64
+
+
+class Arrival(Enum):
+    """What a new odometry message is, compared with the last one."""
+
+    NEW = auto()
+    OLD = auto()
+    JUMP = auto()
+    CLOCK_BACK = auto()
+
+
+class OdometryBuffer:
+    """Keeps the last few seconds of odometry."""
+
+    def __init__(self, settings: OdometryBufferSettings | None = None) -> None:
+        self._settings = settings or OdometryBufferSettings()
+        self._samples: deque[Odometry] = deque(maxlen=HISTORY)
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._samples.clear()
+
+    def add(self, odometry: Odometry) -> Arrival:
+        """Take in a message; after a jump or a clock set back, it is the only one kept."""
+        if not self._samples:
+            self._samples.append(odometry)
+            return Arrival.NEW
+        last = self._samples[-1]
+        dt_s = seconds_between(last.stamp_ns, odometry.stamp_ns)
+        if dt_s < -self._settings.clock_back_s:
+            self._restart(odometry)
+            return Arrival.CLOCK_BACK
+        if dt_s <= 0.0:
+            return Arrival.OLD
+        moved_m = math.dist(odometry.position_N[:2], last.position_N[:2])
+        if moved_m > self._settings.max_speed_mps * dt_s + JUMP_SLACK_M:
+            self._restart(odometry)
+            return Arrival.JUMP
+        self._samples.append(odometry)
+        return Arrival.NEW
+
+    def at(self, stamp_ns: int) -> Odometry | None:
+        """Give the odometry at a time: between two messages, or a little after the last.
+
+        None if there is no message near enough: none at all, all of them later than the time, or
+        the last one older than `max_extrapolation_s`.
+        """
+        before: Odometry | None = None
+        after: Odometry | None = None
+        for sample in reversed(self._samples):
+            if sample.stamp_ns <= stamp_ns:
+                before = sample
+                break
+            after = sample
+        if before is None or before.stamp_ns == stamp_ns:
+            return before
+        if after is not None:
+            return interpolate(before, after, stamp_ns)
+        if seconds_between(before.stamp_ns, stamp_ns) > self._settings.max_extrapolation_s:
+            return None
+        return extrapolate(before, stamp_ns)
+
+    def _restart(self, odometry: Odometry) -> None:
+        self._samples.clear()
+        self._samples.append(odometry)
+
+
+def seconds_between(earlier_ns: int, later_ns: int) -> float:
+    """[s] From one stamp to another."""
+    return (later_ns - earlier_ns) / NANOSECONDS_PER_SECOND
+
+
+def interpolate(before: Odometry, after: Odometry, stamp_ns: int) -> Odometry:
+    """Give the odometry at a time between two messages, linearly."""
+    f = (stamp_ns - before.stamp_ns) / (after.stamp_ns - before.stamp_ns)
+    return Odometry(
+        stamp_ns=stamp_ns,
+        position_N=(1 - f) * before.position_N + f * after.position_N,
+        q_NB=interpolate_quaternion(before.q_NB, after.q_NB, f),
+        velocity_B=(1 - f) * before.velocity_B + f * after.velocity_B,
+        rates_B=(1 - f) * before.rates_B + f * after.rates_B,
+    )
+
+
+def extrapolate(last: Odometry, stamp_ns: int) -> Odometry:
+    """Give the odometry a little later than a message, at constant velocity and rates."""
+    dt_s = seconds_between(last.stamp_ns, stamp_ns)
+    turn = quaternion_from_euler(*(float(rate) * dt_s for rate in last.rates_B))
+    return Odometry(
+        stamp_ns=stamp_ns,
+        position_N=last.position_N + rotation_from_quaternion(last.q_NB) @ last.velocity_B * dt_s,
+        q_NB=quaternion_product(last.q_NB, turn),
+        velocity_B=last.velocity_B,
+        rates_B=last.rates_B,
+    )

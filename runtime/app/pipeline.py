@@ -1,0 +1,166 @@
+"""The pure core: one scan and the odometry at its time in, one decision out.
+
+No clock, no randomness, no I/O: the same scans give the same decisions, in a boat, in a simulator
+and in a replay.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from twinscrew.runtime.app.mission import Mission
+from twinscrew.runtime.app.schedule import DecisionSchedule
+from twinscrew.runtime.errors import PolicyError, TwinscrewError
+from twinscrew.runtime.messages.types import (
+    Decision,
+    Float64,
+    Goal,
+    HealthEvent,
+    Objects,
+    Observation,
+    Odometry,
+    PointCloud,
+    Tracks,
+)
+from twinscrew.runtime.perception.stage import Perception
+from twinscrew.runtime.policy.base import Policy
+from twinscrew.runtime.policy.observation import ObservationSettings, observe
+from twinscrew.runtime.safety.events import GOAL_MISSING, PERCEPTION_ERROR, POLICY_ERROR
+from twinscrew.runtime.safety.guard import NEUTRAL, Guard
+from twinscrew.runtime.tracking.tracker import Tracker
+
+
+class Pipeline:
+    """Perception, tracking, observation, policy, thrust: a line each."""
+
+    def __init__(
+        self,
+        *,
+        perception: Perception,
+        tracker: Tracker,
+        policy: Policy,
+        mission: Mission,
+        guard: Guard,
+        observation: ObservationSettings | None = None,
+    ) -> None:
+        self.perception = perception
+        self.tracker = tracker
+        self.policy = policy
+        self.mission = mission
+        self.guard = guard
+        self._observation = observation or ObservationSettings()
+        self._schedule = DecisionSchedule(policy.period_s)
+        self._sequence = 0
+        self._goal_was_missing = False
+        self._stop()
+
+    def step(self, cloud: PointCloud, odometry: Odometry, *, engaged: bool) -> Decision:
+        """Decide on one scan.
+
+        Parameters
+        ----------
+        cloud
+            The scan.
+        odometry
+            The vessel's state at the scan's stamp.
+        engaged
+            Whether the thrust acts; if not, the policy is not asked and the thrust is zero.
+        """
+        events: list[HealthEvent] = []
+        objects = self._perceive(cloud, odometry, events)
+        tracks = self.tracker.step(objects, odometry)
+        seen = self._act(odometry, tracks, events) if self._may_act(odometry, engaged, events) else None
+        self._thrust, tripped = self.guard.check(self._thrust, cloud.stamp_ns)
+        if tripped:
+            events.append(tripped)
+        return self._decision(cloud.stamp_ns, seen, objects, tracks, events)
+
+    def set_goal(self, goal: Goal) -> HealthEvent:
+        """Replace all goals by one."""
+        return self.mission.set_goal(goal)
+
+    def reset(self) -> None:
+        """Forget the surroundings: the inputs' time, or the vessel's position, has jumped."""
+        self.tracker.reset()
+        self.policy.reset()
+        self._stop()
+
+    def _perceive(
+        self, cloud: PointCloud, odometry: Odometry, events: list[HealthEvent]
+    ) -> Objects:
+        try:
+            return self.perception.step(
+                cloud, odometry.q_NB, rates_B=odometry.rates_B, velocity_B=odometry.velocity_B
+            )
+        except TwinscrewError as error:
+            self._stop()
+            events.append(PERCEPTION_ERROR.at(cloud.stamp_ns, str(error)))
+            return no_objects(cloud.stamp_ns)
+
+    def _may_act(self, odometry: Odometry, engaged: bool, events: list[HealthEvent]) -> bool:
+        reached = self.mission.step(odometry)
+        if reached:
+            events.append(reached)
+        missing = self.mission.goal is None
+        if missing and not self._goal_was_missing:
+            events.append(GOAL_MISSING.at(odometry.stamp_ns))
+        self._goal_was_missing = missing
+        blind = any(event.name == PERCEPTION_ERROR.name for event in events)
+        if missing or blind or not engaged or self.mission.arrived:
+            self._stop()
+            return False
+        return self._schedule.is_due(odometry.stamp_ns)
+
+    def _act(
+        self, odometry: Odometry, tracks: Tracks, events: list[HealthEvent]
+    ) -> Observation | None:
+        goal = self.mission.goal
+        assert goal is not None  # noqa: S101  (_may_act saw it)
+        observation = observe(odometry, goal, tracks, self._thrust, self._observation)
+        try:
+            self._rate = self.policy.act(observation)
+        except PolicyError as error:
+            self._stop()
+            events.append(POLICY_ERROR.at(odometry.stamp_ns, str(error)))
+            return observation
+        step = self._rate * self.policy.period_s
+        self._thrust = self.guard.limits.clip(self._thrust + step)
+        return observation
+
+    def _stop(self) -> None:
+        self._rate: Float64 = NEUTRAL
+        self._thrust: Float64 = NEUTRAL
+        self._schedule.restart()
+
+    def _decision(
+        self,
+        stamp_ns: int,
+        seen: Observation | None,
+        objects: Objects,
+        tracks: Tracks,
+        events: list[HealthEvent],
+    ) -> Decision:
+        decision = Decision(
+            stamp_ns=stamp_ns,
+            sequence=self._sequence,
+            acted=seen is not None,
+            thrust_rate=self._rate,
+            thrust=self._thrust,
+            observation=seen,
+            objects=objects,
+            tracks=tracks,
+            events=tuple(events),
+            arrived=self.mission.arrived,
+        )
+        self._sequence += 1
+        return decision
+
+
+def no_objects(stamp_ns: int) -> Objects:
+    """Make the answer of a scan in which nothing could be seen."""
+    return Objects(
+        stamp_ns=stamp_ns,
+        p_B=np.empty((0, 2)),
+        radius=np.empty(0),
+        points=np.empty(0, dtype=np.int64),
+    )

@@ -1,0 +1,61 @@
+"""The names of health events: what happened, how bad it is, what the boat does about it.
+
+Scripts and operators rely on these names. docs/safety.md tells each one's reaction and time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from twinscrew.runtime.messages.types import HealthEvent, Severity
+
+
+@dataclass(frozen=True, slots=True)
+class EventKind:
+    """A kind of health event."""
+
+    name: str
+    severity: Severity
+    meaning: str
+
+    def at(self, stamp_ns: int, detail: str = "") -> HealthEvent:
+        """Make the event of this kind that happened at a time."""
+        return HealthEvent(
+            stamp_ns=stamp_ns, name=self.name, severity=self.severity, detail=detail
+        )
+
+
+def _info(name: str, meaning: str) -> EventKind:
+    return EventKind(name, Severity.INFO, meaning)
+
+
+def _warning(name: str, meaning: str) -> EventKind:
+    return EventKind(name, Severity.WARNING, meaning)
+
+
+def _error(name: str, meaning: str) -> EventKind:
+    return EventKind(name, Severity.ERROR, meaning)
+
+
+LIDAR_STALE = _error("lidar_stale", "No new scan for too long: neutral thrust.")
+ODOMETRY_STALE = _error("odometry_stale", "No new odometry for too long: neutral thrust.")
+INPUT_RECOVERED = _info("input_recovered", "A stale input is fresh again.")
+ODOMETRY_JUMP = _error(
+    "odometry_jump", "The position moved faster than a boat can: neutral thrust for a second."
+)
+ODOMETRY_MISSING = _warning(
+    "odometry_missing", "A scan came without odometry near its time: it is not used."
+)
+CLOCK_BACK = _error("clock_back", "The inputs' time went back: all is forgotten, neutral thrust.")
+OUT_OF_ORDER = _warning("out_of_order", "A message older than the last one is dropped.")
+BAD_MESSAGE = _warning("bad_message", "Bytes that are not the message they should be: dropped.")
+POLICY_ERROR = _error("policy_error", "The policy failed or answered nonsense: neutral thrust.")
+PERCEPTION_ERROR = _error("perception_error", "A scan could not be processed: neutral thrust.")
+GUARD_TRIPPED = _error("guard_tripped", "A thrust was not finite or out of range: neutral thrust.")
+GOAL_MISSING = _info("goal_missing", "There is no goal: neutral thrust.")
+GOAL_SET = _info("goal_set", "A new goal was accepted.")
+WAYPOINT_REACHED = _info("waypoint_reached", "A waypoint is reached; the next one is the goal.")
+GOAL_REACHED = _info("goal_reached", "The last goal is reached: neutral thrust.")
+OVERRUN = _warning("overrun", "A decision took longer than the time between two scans.")
+STATE = _info("state", "The vessel's state changed.")
+RECORDER = _warning("recorder", "The recorder lost messages or stopped; the boat goes on.")
