@@ -1,0 +1,186 @@
+"""The vessel in three degrees of freedom: surge, sway and yaw, for any number of vessels at once.
+
+Rigid body, added mass, Coriolis and linear and quadratic damping, driven by two thrusters:
+paper, eq. (13); Fossen (2021), chapters 3 and 6. The matrices follow from Fossen with the centre of
+gravity at the origin and a diagonal M = M_RB + M_A = diag(m - Xudot, m - Yvdot, Iz - Nrdot)::
+
+    C(nu) nu = (-m22 v r,  m11 u r,  (m22 - m11) u v)      Fossen (2021), eqs. 3.63 and 6.54
+    D(nu) nu = -(X_u + X_uu |u|, Y_v + Y_vv |v|, N_r + N_rr |r|) (.) nu
+    tau      = (T_left + T_right, 0, (T_left - T_right) width / 2)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta
+
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.messages.types import Float64
+from twinscrew.runtime.settings import Positive, Settings
+
+Damping = Annotated[float, Meta(le=0.0)]
+
+
+class VesselParameters(Settings):
+    """The WAM-V 16 as in training (config/vessels/wam_v_3dof.toml); signs as Fossen's derivatives."""
+
+    mass_kg: Positive = 400.0
+    """[kg] Loaded."""
+    izz: Positive = 450.0
+    """[kg m2] Moment of inertia in yaw."""
+    x_udot: float = 20.0
+    """[kg] Added mass in surge; the reference's value, though a positive one is unphysical."""
+    y_vdot: float = 0.0
+    """[kg] Added mass in sway."""
+    n_rdot: float = -980.0
+    """[kg m2] Added inertia in yaw."""
+    x_u: Damping = -100.0
+    """[kg/s] Linear damping in surge."""
+    y_v: Damping = -100.0
+    """[kg/s] Linear damping in sway."""
+    n_r: Damping = -980.0
+    """[kg m2/s] Linear damping in yaw."""
+    x_uu: Damping = -150.0
+    """[kg/m] Quadratic damping in surge."""
+    y_vv: Damping = -150.0
+    """[kg/m] Quadratic damping in sway."""
+    n_rr: Damping = -950.0
+    """[kg m2] Quadratic damping in yaw."""
+    length: Positive = 5.0
+    """[m] Overall."""
+    width: Positive = 2.5
+    """[m] Overall; the thrusters stand at y = -width / 2 and +width / 2."""
+    thrust_min_n: float = -500.0
+    """[N] Of each thruster (paper, sec. III)."""
+    thrust_max_n: float = 1000.0
+    """[N] Of each thruster."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot float: an inertia that is not positive, an empty range of thrust."""
+        if min(self.inertia) <= 0.0:
+            raise ConfigError(f"the inertia with added mass must be positive, got {self.inertia}")
+        if self.thrust_min_n >= self.thrust_max_n:
+            raise ConfigError(
+                f"must be below thrust_max_n {self.thrust_max_n}, got {self.thrust_min_n}",
+                key="thrust_min_n",
+            )
+
+    @property
+    def inertia(self) -> tuple[float, float, float]:
+        """[kg, kg, kg m2] The diagonal of M_RB + M_A."""
+        return self.mass_kg - self.x_udot, self.mass_kg - self.y_vdot, self.izz - self.n_rdot
+
+    @property
+    def linear_drag(self) -> tuple[float, float, float]:
+        """[kg/s, kg/s, kg m2/s] The diagonal of the linear damping matrix."""
+        return -self.x_u, -self.y_v, -self.n_r
+
+    @property
+    def quadratic_drag(self) -> tuple[float, float, float]:
+        """[kg/m, kg/m, kg m2] The factors of |nu| in the damping matrix."""
+        return -self.x_uu, -self.y_vv, -self.n_rr
+
+    @property
+    def coriolis(self) -> tuple[float, float, float]:
+        """[kg] The factors of v r, u r, u v in -C(nu) nu."""
+        m11, m22, _ = self.inertia
+        return m22, -m11, m11 - m22
+
+    @property
+    def lever(self) -> float:
+        """[m] From the centre line to a thruster."""
+        return self.width / 2
+
+    @property
+    def radius(self) -> float:
+        """[m] Of the circle that holds the vessel: 2.795 m for a WAM-V 16."""
+        return math.hypot(self.length, self.width) / 2
+
+
+class VesselModel:
+    """The equations of motion; pure, every argument may have any leading batch dimensions."""
+
+    def __init__(self, parameters: VesselParameters | None = None) -> None:
+        self.parameters = parameters or VesselParameters()
+        self._inertia = np.array(self.parameters.inertia)
+        self._linear = np.array(self.parameters.linear_drag)
+        self._quadratic = np.array(self.parameters.quadratic_drag)
+        self._coriolis = np.array(self.parameters.coriolis)
+        lever = self.parameters.lever
+        self._thrusters = np.array([[1.0, 0.0, lever], [1.0, 0.0, -lever]])
+
+    def force(self, thrust: Float64) -> Float64:
+        """Give the force tau of the thrusters.
+
+        Parameters
+        ----------
+        thrust : (..., 2) float64
+            Left, right [N].
+
+        Returns
+        -------
+        tau : (..., 3) float64
+            Surge, sway force [N] and yaw moment [N m, clockwise positive], frame B.
+        """
+        tau: Float64 = np.asarray(thrust) @ self._thrusters
+        return tau
+
+    def acceleration(self, nu: Float64, tau: Float64) -> Float64:
+        """Give nu's rate of change, (..., 3) [m/s2, m/s2, rad/s2].
+
+        Parameters
+        ----------
+        nu : (..., 3) float64
+            Surge, sway [m/s], yaw rate [rad/s]; over ground and through the water alike.
+        tau : (..., 3) float64
+            All forces on the hull but the water's [N, N, N m], frame B.
+        """
+        products = nu[..., _FIRST] * nu[..., _SECOND]  # v r, u r, u v
+        damping = (self._linear + self._quadratic * np.abs(nu)) * nu
+        rate: Float64 = (tau + self._coriolis * products - damping) / self._inertia
+        return rate
+
+    def step(
+        self, pose: Float64, nu: Float64, thrust: Float64, dt: float, tau: Float64 | None = None
+    ) -> tuple[Float64, Float64]:
+        """Move by one time step: semi-implicit Euler, velocity first (Fossen (2021), app. B.1).
+
+        Parameters
+        ----------
+        pose : (..., 3) float64
+            North, east [m], heading [rad, clockwise].
+        nu : (..., 3) float64
+            Surge, sway [m/s], yaw rate [rad/s].
+        thrust : (..., 2) float64
+            Left, right [N].
+        dt : float
+            [s] The reference uses 0.05.
+        tau : (..., 3) float64, optional
+            Further forces on the hull (wind, waves) [N, N, N m], frame B.
+
+        Returns
+        -------
+        pose, nu : (..., 3) float64
+            After the step; the heading is not wrapped.
+        """
+        force = self.force(thrust)
+        nu = nu + dt * self.acceleration(nu, force if tau is None else force + tau)
+        cosine, sine = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+        surge, sway = nu[..., 0], nu[..., 1]
+        rate = np.stack(
+            [cosine * surge - sine * sway, sine * surge + cosine * sway, nu[..., 2]], axis=-1
+        )
+        return pose + dt * rate, nu
+
+    def apply(self, thrust: Float64, rate: Float64, period: float) -> Float64:
+        """Give the thrust command after a rate [N/s] has acted for a period [s], within limits."""
+        limits = self.parameters.thrust_min_n, self.parameters.thrust_max_n
+        clipped: Float64 = np.clip(thrust + rate * period, *limits)
+        return clipped
+
+
+_FIRST = np.array([1, 0, 0])
+_SECOND = np.array([2, 2, 1])
