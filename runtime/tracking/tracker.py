@@ -1,0 +1,168 @@
+"""The tracker: objects of each scan in, tracks with velocities out.
+
+One constant-velocity Kalman filter a track in frame N, so that the ego vessel's motion is removed
+by odometry; measurements assigned by Mahalanobis distance; birth after m of n scans, coasting,
+death. No clock and no randomness: time comes with the objects' stamps.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta
+
+from twinscrew.runtime.messages.types import (
+    NANOSECONDS_PER_SECOND,
+    Float64,
+    Objects,
+    Odometry,
+    Tracks,
+)
+from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings
+from twinscrew.runtime.tracking.association import associate
+from twinscrew.runtime.tracking.measurement import Measurements, MeasurementSettings, measure
+from twinscrew.runtime.tracking.motion import bias_noise, motion_noise, transition
+from twinscrew.runtime.tracking.radius import RadiusSettings, smoothed_radius
+from twinscrew.runtime.tracking.track import Track
+
+
+class TrackerSettings(Settings, frozen=True):
+    """How measurements become tracks."""
+
+    measurement: MeasurementSettings = MeasurementSettings()
+    """How the visible centroid relates to the centre."""
+    radius: RadiusSettings = RadiusSettings()
+    """How the radius is smoothed."""
+    acceleration_psd: Positive = 0.3
+    """[m2/s3] Density of the white acceleration: how suddenly vessels turn and speed up."""
+    first_speed_mps: Positive = 2.0
+    """[m/s] Standard deviation of each velocity component of an object just met."""
+    gate_sigma: Positive = 3.5
+    """[-] A measurement farther than this from every track's prediction starts a new one."""
+    birth_hits: Count = 3
+    """[-] A track is reported once seen in this many"""
+    birth_scans: Count = 5
+    """[-] of its first this many scans; if it is not, it is dropped."""
+    coast_s: NonNegative = 2.0
+    """[s] A track unseen for longer is dropped; so is one unseen for longer than it was known."""
+    max_gap_s: Annotated[float, Meta(gt=0.0)] = 5.0
+    """[s] After a longer gap between scans everything is forgotten."""
+
+
+class Tracker:
+    """Follows every object around the vessel."""
+
+    def __init__(self, settings: TrackerSettings | None = None) -> None:
+        self.settings = settings or TrackerSettings()
+        self._next_id = 0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything but the identities already given: none is ever used twice."""
+        self._tracks: list[Track] = []
+        self._stamp_ns: int | None = None
+        self._reported: Tracks | None = None
+        self.note = ""
+        """Why tracks were forgotten in the last step, in plain words; empty if they were not."""
+
+    def step(self, objects: Objects, odometry: Odometry) -> Tracks:
+        """Take in one scan.
+
+        Parameters
+        ----------
+        objects
+            What perception found.
+        odometry
+            The vessel's state at the scan's stamp.
+
+        Returns
+        -------
+        Tracks
+            Every confirmed track, oldest first. A scan with the stamp of the last one changes
+            nothing; one before it, or long after it, starts afresh and says so in `note`.
+        """
+        dt = self._elapsed(objects.stamp_ns)
+        if dt == 0.0 and self._reported is not None:
+            return self._reported
+        measured = measure(objects, odometry, self.settings.measurement)
+        self._predict(dt)
+        self._update(measured)
+        self._tracks = [track for track in self._tracks if self._lives(track)]
+        self._reported = self._report(objects.stamp_ns)
+        return self._reported
+
+    def _elapsed(self, stamp_ns: int) -> float:
+        """Give the time [s] since the last scan; forget everything if it jumped."""
+        last = stamp_ns if self._stamp_ns is None else self._stamp_ns
+        dt = (stamp_ns - last) / NANOSECONDS_PER_SECOND
+        jumped = not 0.0 <= dt <= self.settings.max_gap_s
+        if jumped:
+            self.reset()
+        self.note = f"time went on by {dt:.3f} s: tracks forgotten" if jumped else ""
+        self._stamp_ns = stamp_ns
+        return 0.0 if jumped else dt
+
+    def _predict(self, dt: float) -> None:
+        if not self._tracks:
+            return
+        bias = self.settings.measurement
+        F = transition(dt, bias.bias_time_s)
+        Q = motion_noise(dt, self.settings.acceleration_psd)
+        Q_unit = bias_noise(dt, bias.bias_time_s, bias.bias_along**2, bias.bias_across**2)
+        for track in self._tracks:
+            track.predict(dt, F, Q + track.radius**2 * Q_unit)
+
+    def _update(self, measured: Measurements) -> None:
+        x = np.array([track.filter.x for track in self._tracks])
+        P = np.array([track.filter.P for track in self._tracks])
+        found = associate(x, P, measured, self.settings.gate_sigma)
+        for i, j in found.pairs:
+            track = self._tracks[i]
+            track.update(measured.z_N[j], measured.H[j], measured.R[j])
+            track.radius = smoothed_radius(
+                track.radius, float(measured.radius[j]), self.settings.radius
+            )
+            self._confirm(track)
+        for j in found.new:
+            self._tracks.append(self._born(measured, j))
+
+    def _born(self, measured: Measurements, j: int) -> Track:
+        settings = self.settings
+        radius = float(measured.radius[j])
+        along, across = settings.measurement.bias_along, settings.measurement.bias_across
+        sigma = np.array([0, 0, *2 * [settings.first_speed_mps], along * radius, across * radius])
+        track = Track(measured.z_N[j], measured.H[j], measured.R[j], radius, sigma**2)
+        self._confirm(track)
+        return track
+
+    def _confirm(self, track: Track) -> None:
+        if not track.confirmed and track.hits >= self.settings.birth_hits:
+            track.confirmed = True
+            track.id = self._next_id
+            self._next_id += 1
+
+    def _lives(self, track: Track) -> bool:
+        if not track.confirmed:
+            missed = track.scans - track.hits
+            return missed <= self.settings.birth_scans - self.settings.birth_hits
+        seen_for = track.known_s - track.age_s
+        return track.age_s <= min(self.settings.coast_s, seen_for)
+
+    def _report(self, stamp_ns: int) -> Tracks:
+        tracks = [track for track in self._tracks if track.confirmed]
+        x = np.array([track.filter.x for track in tracks]).reshape(-1, 6)
+        P = np.array([track.filter.P for track in tracks]).reshape(-1, 6, 6)
+        return Tracks(
+            stamp_ns=stamp_ns,
+            id=np.array([track.id for track in tracks], dtype=np.int64),
+            p_N=x[:, :2].copy(),
+            v_N=x[:, 2:4].copy(),
+            radius=_floats([track.radius for track in tracks]),
+            covariance=P[:, :4, :4].copy(),
+            age_s=_floats([track.age_s for track in tracks]),
+        )
+
+
+def _floats(values: list[float]) -> Float64:
+    return np.array(values, dtype=np.float64)
