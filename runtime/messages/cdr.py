@@ -1,0 +1,45 @@
+"""ROS 2 messages in CDR: one `encode_x` / `decode_x` pair a type.
+
+Everything that comes in is checked, and turned from ENU and FLU to NED and FRD; everything that
+goes out is turned back. A payload that is not the message it should be is a `MessageError`.
+"""
+
+from twinscrew.runtime.messages.cloud import decode_point_cloud, encode_point_cloud
+from twinscrew.runtime.messages.decision import decode_decision, encode_decision
+from twinscrew.runtime.messages.diagnostics import decode_diagnostics, encode_diagnostics
+from twinscrew.runtime.messages.markers import encode_object_markers, encode_track_markers
+from twinscrew.runtime.messages.odometry import (
+    decode_goal,
+    decode_odometry,
+    encode_goal,
+    encode_odometry,
+)
+from twinscrew.runtime.messages.simple import (
+    decode_clock,
+    decode_engagement,
+    decode_thrust,
+    encode_clock,
+    encode_engagement,
+    encode_thrust,
+)
+
+__all__ = [
+    "decode_clock",
+    "decode_decision",
+    "decode_diagnostics",
+    "decode_engagement",
+    "decode_goal",
+    "decode_odometry",
+    "decode_point_cloud",
+    "decode_thrust",
+    "encode_clock",
+    "encode_decision",
+    "encode_diagnostics",
+    "encode_engagement",
+    "encode_goal",
+    "encode_object_markers",
+    "encode_odometry",
+    "encode_point_cloud",
+    "encode_thrust",
+    "encode_track_markers",
+]

@@ -1,0 +1,43 @@
+"""`std_msgs/Header` and `builtin_interfaces/Time`: what nearly every message starts with."""
+
+from __future__ import annotations
+
+from twinscrew.runtime.errors import MessageError
+from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND
+from twinscrew.runtime.messages.wire import Reader, Writer
+
+MAX_STAMP_NS = (2**31 - 1) * NANOSECONDS_PER_SECOND
+"""[ns] ROS 2 counts seconds in a signed number of 32 bits: until 2038."""
+
+WORLD_FRAME = "world"
+"""The frame of positions that we publish: local, east-north-up (VRX's name)."""
+VESSEL_FRAME = "base_link"
+"""The vessel's frame, forward-left-up (REP 105)."""
+LIDAR_FRAME = "lidar_wamv_link"
+"""The LiDAR's frame, forward-left-up."""
+
+
+def read_stamp(reader: Reader) -> int:
+    """Read a Time; give it in nanoseconds."""
+    seconds, nanoseconds = reader.values("iI", 4)
+    if nanoseconds >= NANOSECONDS_PER_SECOND:
+        raise reader.fail(f"a stamp has {nanoseconds} ns within its second")
+    return int(seconds) * NANOSECONDS_PER_SECOND + int(nanoseconds)
+
+
+def write_stamp(writer: Writer, stamp_ns: int) -> None:
+    """Write a Time; a `MessageError` if it is before 1901 or after 2038."""
+    if abs(stamp_ns) > MAX_STAMP_NS:
+        raise MessageError(f"{stamp_ns} ns is not a stamp that ROS 2 can write")
+    writer.values("iI", 4, *divmod(stamp_ns, NANOSECONDS_PER_SECOND))
+
+
+def read_header(reader: Reader) -> tuple[int, str]:
+    """Read a Header; give its stamp [ns] and frame."""
+    return read_stamp(reader), reader.string()
+
+
+def write_header(writer: Writer, stamp_ns: int, frame_id: str) -> None:
+    """Write a Header."""
+    write_stamp(writer, stamp_ns)
+    writer.string(frame_id)

@@ -1,0 +1,215 @@
+"""The one table of topics: the bus, the health monitor, the recorder and the tests read it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from types import MappingProxyType
+from typing import Final, Literal, TypeAlias
+
+from twinscrew.runtime.errors import BusError, one_of
+from twinscrew.runtime.messages.cloud import POINT_CLOUD_TYPE
+from twinscrew.runtime.messages.decision import DECISION_TYPE
+from twinscrew.runtime.messages.definitions import type_hash
+from twinscrew.runtime.messages.diagnostics import DIAGNOSTICS_TYPE
+from twinscrew.runtime.messages.markers import MARKERS_TYPE
+from twinscrew.runtime.messages.odometry import GOAL_TYPE, ODOMETRY_TYPE
+from twinscrew.runtime.messages.simple import CLOCK_TYPE, ENGAGEMENT_TYPE, THRUST_TYPE
+
+KeyFormat: TypeAlias = Literal["ros2dds", "rmw_zenoh"]
+KEY_FORMATS: Final[tuple[KeyFormat, ...]] = ("ros2dds", "rmw_zenoh")
+
+
+class Direction(Enum):
+    """Which way a topic goes, seen from the runtime."""
+
+    IN = "in"
+    OUT = "out"
+
+
+class Traffic(Enum):
+    """How the bus treats a topic when it has to choose."""
+
+    SENSOR = "sensor"
+    """Large and frequent: the newest counts, an old one may be lost."""
+    COMMAND = "command"
+    """Small and urgent: sent at once, before everything else."""
+    STATUS = "status"
+    """For people and logs: last in line."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Topic:
+    """One line of the table."""
+
+    name: str
+    """What the code calls it."""
+    key: str
+    """Its ROS name under the vessel's namespace; absolute if it begins with a slash."""
+    ros_type: str
+    """The ROS type of its messages."""
+    direction: Direction
+    traffic: Traffic
+    rate_hz: float = 0.0
+    """[Hz] How often it comes; 0: when something changes."""
+    max_age_s: float | None = None
+    """[s] Older than this it is stale; None: it never is."""
+    depth: int = 1
+    """[-] How many unread messages are kept, the newest ones."""
+    core: bool = False
+    """True if the core takes it in: a recording of these topics is enough for a replay."""
+
+
+TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
+    {
+        topic.name: topic
+        for topic in (
+            Topic(
+                name="points",
+                key="sensors/lidars/lidar_wamv_sensor/points",
+                ros_type=POINT_CLOUD_TYPE,
+                direction=Direction.IN,
+                traffic=Traffic.SENSOR,
+                rate_hz=10.0,
+                max_age_s=0.4,
+                core=True,
+            ),
+            Topic(
+                name="odometry",
+                key="sensors/position/ground_truth_odometry",
+                ros_type=ODOMETRY_TYPE,
+                direction=Direction.IN,
+                traffic=Traffic.SENSOR,
+                rate_hz=20.0,
+                max_age_s=0.3,
+                depth=64,
+                core=True,
+            ),
+            Topic(
+                name="goal",
+                key="goal",
+                ros_type=GOAL_TYPE,
+                direction=Direction.IN,
+                traffic=Traffic.COMMAND,
+                depth=8,
+                core=True,
+            ),
+            Topic(
+                name="engagement",
+                key="engagement",
+                ros_type=ENGAGEMENT_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                depth=8,
+                core=True,
+            ),
+            Topic(
+                name="clock",
+                key="/clock",
+                ros_type=CLOCK_TYPE,
+                direction=Direction.IN,
+                traffic=Traffic.SENSOR,
+                rate_hz=20.0,
+            ),
+            Topic(
+                name="thrust_left",
+                key="thrusters/left/thrust",
+                ros_type=THRUST_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.COMMAND,
+                rate_hz=20.0,
+                max_age_s=0.5,
+            ),
+            Topic(
+                name="thrust_right",
+                key="thrusters/right/thrust",
+                ros_type=THRUST_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.COMMAND,
+                rate_hz=20.0,
+                max_age_s=0.5,
+            ),
+            Topic(
+                name="decision",
+                key="decision",
+                ros_type=DECISION_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=10.0,
+                depth=64,
+            ),
+            Topic(
+                name="objects",
+                key="perception/objects",
+                ros_type=MARKERS_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=10.0,
+            ),
+            Topic(
+                name="tracks",
+                key="tracking/tracks",
+                ros_type=MARKERS_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=10.0,
+            ),
+            Topic(
+                name="diagnostics",
+                key="diagnostics",
+                ros_type=DIAGNOSTICS_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=1.0,
+                depth=64,
+            ),
+        )
+    }
+)
+"""Every topic by its name. Names, types and rates: VRX 2.3.2; ages and depths: our own choice."""
+
+CORE_INPUTS: Final = tuple(topic.name for topic in TOPICS.values() if topic.core)
+"""The topics that decide what the core decides."""
+
+_NAMESPACE: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
+
+
+def ros_name(topic: Topic, namespace: str) -> str:
+    """Give a topic's name in ROS, as "/wamv1/goal".
+
+    Raises
+    ------
+    BusError
+        The namespace is not one that ROS allows.
+    """
+    if not _NAMESPACE.fullmatch(namespace):
+        raise BusError(f"{namespace!r} is not a namespace: letters, digits, _ and / between names")
+    return topic.key if topic.key.startswith("/") else f"/{namespace}/{topic.key}"
+
+
+def key(topic: Topic, namespace: str, key_format: KeyFormat = "ros2dds", *, domain: int = 0) -> str:
+    """Give a topic's Zenoh key.
+
+    Parameters
+    ----------
+    namespace
+        The vessel's, as "wamv1".
+    key_format
+        Whose keys: those of zenoh-bridge-ros2dds, or those of rmw_zenoh.
+    domain
+        [-] ROS_DOMAIN_ID; part of rmw_zenoh's keys only.
+
+    Raises
+    ------
+    BusError
+        The namespace or the format does not exist.
+    """
+    name = ros_name(topic, namespace).removeprefix("/")
+    if key_format == "ros2dds":
+        return name
+    if key_format != "rmw_zenoh":
+        raise BusError(f"key format {one_of(key_format, KEY_FORMATS)}")
+    package, _, last = topic.ros_type.split("/")
+    return f"{domain}/{name}/{package}::msg::dds_::{last}_/{type_hash(topic.ros_type)}"

@@ -1,0 +1,172 @@
+"""CDR, the bytes under every ROS 2 message: a reader that trusts nothing, and a writer.
+
+A message is a 4-byte header (byte order; two option bytes, ignored) and its fields, each aligned
+to its own size counted from the end of that header. Source: OMG DDS-XTypes 1.3, 7.4 (XCDR1).
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any, Final, Literal, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twinscrew.runtime.errors import MessageError
+
+HEADER: Final = b"\x00\x01\x00\x00"
+"""Little endian, no options: what ROS 2 writes."""
+HEADER_SIZE: Final = len(HEADER)
+T = TypeVar("T", bound=np.generic)
+
+MAX_PADDING: Final = 3
+"""[B] A payload may be padded to a multiple of four (DDS-XTypes 1.3, 7.6.3.1.2)."""
+
+ByteOrder: TypeAlias = Literal["<", ">"]
+
+_ORDERS: Final[dict[bytes, ByteOrder]] = {b"\x00\x00": ">", b"\x00\x01": "<"}
+
+
+def byte_order(payload: bytes | memoryview, ros_type: str) -> ByteOrder:
+    """Give the byte order of a payload as `struct` writes it; refuse anything but plain CDR."""
+    if len(payload) < HEADER_SIZE:
+        raise MessageError(f"{ros_type}: {len(payload)} bytes are too few for a CDR header")
+    order = _ORDERS.get(bytes(payload[:2]))
+    if order is None:
+        found = bytes(payload[:2]).hex(" ")
+        raise MessageError(f"{ros_type}: CDR header {found} is neither 00 01 nor 00 00")
+    return order
+
+
+class Reader:
+    """Reads the fields of one payload in order; anything odd is a `MessageError`."""
+
+    __slots__ = ("_at", "_data", "_type", "order")
+
+    def __init__(self, payload: bytes | memoryview, ros_type: str) -> None:
+        self.order = byte_order(payload, ros_type)
+        """Byte order, as `struct` and numpy write it."""
+        self._data = memoryview(payload)
+        self._at = HEADER_SIZE
+        self._type = ros_type
+
+    def fail(self, what: str) -> MessageError:
+        """Give the error for what is wrong here."""
+        return MessageError(f"{self._type}: {what}")
+
+    def take(self, size: int, align: int = 1) -> int:
+        """Step over the next `size` bytes, aligned; give where they start."""
+        start = self._at + (HEADER_SIZE - self._at) % align
+        if start + size > len(self._data):
+            raise self.fail(f"ends after {len(self._data)} of at least {start + size} bytes")
+        self._at = start + size
+        return start
+
+    def values(self, layout: str, align: int) -> tuple[Any, ...]:
+        """Read a fixed run of numbers; `layout` is `struct`'s, without a byte order."""
+        layout = self.order + layout
+        return struct.unpack_from(layout, self._data, self.take(struct.calcsize(layout), align))
+
+    def uint32(self) -> int:
+        """Read an unsigned number of 4 bytes."""
+        return int(self.values("I", 4)[0])
+
+    def uint8(self) -> int:
+        """Read an unsigned number of 1 byte."""
+        return self._data[self.take(1)]
+
+    def flag(self) -> bool:
+        """Read a bool; only 0 and 1 are bools."""
+        value = self.uint8()
+        if value > 1:
+            raise self.fail(f"{value} is not a bool")
+        return value == 1
+
+    def string(self) -> str:
+        """Read a string: its length with the final zero byte, then its bytes in UTF-8."""
+        size = self.uint32()
+        if size == 0:
+            return ""
+        start = self.take(size)
+        if self._data[start + size - 1] != 0:
+            raise self.fail("a string does not end with a zero byte")
+        try:
+            return str(self._data[start : start + size - 1], "utf-8")
+        except UnicodeDecodeError:
+            raise self.fail("a string is not UTF-8") from None
+
+    def count(self, smallest: int) -> int:
+        """Read the length of a sequence whose elements have at least `smallest` bytes."""
+        count = self.uint32()
+        if count * smallest > len(self._data) - self._at:
+            raise self.fail(
+                f"{count} elements do not fit the {len(self._data)} bytes of the message"
+            )
+        return count
+
+    def octets(self) -> memoryview:
+        """Read a sequence of bytes, without a copy."""
+        size = self.count(1)
+        start = self.take(size)
+        return self._data[start : start + size]
+
+    def array(self, dtype: type[T], shape: tuple[int, ...] = ()) -> NDArray[T]:
+        """Read a sequence of numbers as a new array, (K, *shape)."""
+        wire = np.dtype(dtype).newbyteorder(self.order)
+        count = self.count(wire.itemsize)
+        each = math.prod(shape)
+        if count % each:
+            raise self.fail(f"{count} numbers do not make elements of {each}")
+        if count == 0:
+            return np.zeros((0, *shape), dtype)
+        start = self.take(count * wire.itemsize, wire.itemsize)
+        numbers = np.frombuffer(self._data, wire, count, start)
+        return numbers.astype(dtype).reshape(-1, *shape)
+
+    def end(self) -> None:
+        """Check that nothing but padding follows."""
+        rest = len(self._data) - self._at
+        if rest > MAX_PADDING:
+            raise self.fail(f"{rest} bytes follow the end of the message")
+
+
+class Writer:
+    """Writes the fields of one payload in order, little endian."""
+
+    __slots__ = ("_parts",)
+
+    def __init__(self) -> None:
+        self._parts = bytearray(HEADER)
+
+    def align(self, size: int) -> None:
+        """Pad to a multiple of `size`."""
+        self._parts += bytes((HEADER_SIZE - len(self._parts)) % size)
+
+    def values(self, layout: str, align: int, *values: object) -> None:
+        """Write a fixed run of numbers; `layout` has no byte order of its own."""
+        self.align(align)
+        self._parts += struct.pack("<" + layout, *values)
+
+    def string(self, text: str) -> None:
+        """Write a string."""
+        data = text.encode()
+        self.values("I", 4, len(data) + 1)
+        self._parts += data + b"\x00"
+
+    def octets(self, data: bytes | memoryview) -> None:
+        """Write a sequence of bytes."""
+        self.values("I", 4, len(data))
+        self._parts += data
+
+    def array(self, numbers: NDArray[Any], dtype: type[np.generic]) -> None:
+        """Write an array of any shape as one sequence of numbers, row after row."""
+        self.values("I", 4, numbers.size)
+        if numbers.size:
+            wire = np.dtype(dtype).newbyteorder("<")
+            self.align(wire.itemsize)
+            self._parts += numbers.astype(wire, copy=False).tobytes()
+
+    def payload(self) -> bytes:
+        """Give what was written."""
+        return bytes(self._parts)
