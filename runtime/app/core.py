@@ -54,9 +54,7 @@ class Outcome:
 class Core:
     """Decodes, puts in order, and steps the pipeline on every scan."""
 
-    def __init__(
-        self, pipeline: Pipeline, odometry: OdometryBufferSettings | None = None
-    ) -> None:
+    def __init__(self, pipeline: Pipeline, odometry: OdometryBufferSettings | None = None) -> None:
         self.pipeline = pipeline
         settings = odometry or OdometryBufferSettings()
         self._odometry = OdometryBuffer(settings)
@@ -117,7 +115,9 @@ class Core:
         if odometry is None:
             missing = ODOMETRY_MISSING.at(stamp_ns)
             return Outcome(stamp_ns=stamp_ns, events=(*events, missing))
-        decision = self.pipeline.step(cloud, odometry, engaged=self._engaged and self._trusts(stamp_ns))
+        decision = self.pipeline.step(
+            cloud, odometry, engaged=self._engaged and self._trusts(stamp_ns)
+        )
         return Outcome(stamp_ns=stamp_ns, decision=decision, events=events)
 
     def _trusts(self, stamp_ns: int) -> bool:

@@ -12,10 +12,10 @@ from twinscrew.runtime.safety.events import GOAL_REACHED, GOAL_SET, WAYPOINT_REA
 from twinscrew.runtime.settings import Positive, Settings
 
 
-class MissionSettings(Settings):
+class MissionSettings(Settings, frozen=True):
     """Where to go."""
 
-    waypoints_m: list[tuple[float, float]] = []
+    waypoints_m: tuple[tuple[float, float], ...] = ()
     """[m] [N] Goals in order, each (north, east); more may come over the goal topic."""
     goal_radius_m: Positive = 2.0
     """[m] A goal is reached within this distance (parameters.md: 2.0 m)."""

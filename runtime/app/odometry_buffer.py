@@ -6,17 +6,21 @@ import math
 from collections import deque
 from enum import Enum, auto
 
-from twinscrew.runtime.geometry.frames import interpolate_quaternion, rotation_from_quaternion
-from twinscrew.runtime.geometry.frames import quaternion_from_euler, quaternion_product
+from twinscrew.runtime.geometry.frames import (
+    interpolate_quaternion,
+    quaternion_from_euler,
+    quaternion_product,
+    rotation_from_quaternion,
+)
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Odometry
 from twinscrew.runtime.settings import Positive, Settings
 
 
-class OdometryBufferSettings(Settings):
+class OdometryBufferSettings(Settings, frozen=True):
     """How far odometry is trusted."""
 
     max_extrapolation_s: Positive = 0.2
-    """[s] A scan newer than the last odometry by more than this is not used (4 messages at 20 Hz)."""
+    """[s] A scan newer than the last odometry by more than this is not used."""
     max_speed_mps: Positive = 10.0
     """[m/s] A position that moves faster than this (and a metre of slack) has jumped."""
     clock_back_s: Positive = 1.0

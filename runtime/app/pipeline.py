@@ -7,6 +7,7 @@ and in a replay.
 from __future__ import annotations
 
 import numpy as np
+from twinscrew.runtime.perception.stage import Perception
 
 from twinscrew.runtime.app.mission import Mission
 from twinscrew.runtime.app.schedule import DecisionSchedule
@@ -22,7 +23,6 @@ from twinscrew.runtime.messages.types import (
     PointCloud,
     Tracks,
 )
-from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.policy.observation import ObservationSettings, observe
 from twinscrew.runtime.safety.events import GOAL_MISSING, PERCEPTION_ERROR, POLICY_ERROR
@@ -52,7 +52,8 @@ class Pipeline:
         self._schedule = DecisionSchedule(policy.period_s)
         self._sequence = 0
         self._goal_was_missing = False
-        self._stop()
+        self._rate: Float64 = NEUTRAL
+        self._thrust: Float64 = NEUTRAL
 
     def step(self, cloud: PointCloud, odometry: Odometry, *, engaged: bool) -> Decision:
         """Decide on one scan.
@@ -69,7 +70,8 @@ class Pipeline:
         events: list[HealthEvent] = []
         objects = self._perceive(cloud, odometry, events)
         tracks = self.tracker.step(objects, odometry)
-        seen = self._act(odometry, tracks, events) if self._may_act(odometry, engaged, events) else None
+        due = self._may_act(odometry, engaged, events)
+        seen = self._act(odometry, tracks, events) if due else None
         self._thrust, tripped = self.guard.check(self._thrust, cloud.stamp_ns)
         if tripped:
             events.append(tripped)
@@ -128,8 +130,8 @@ class Pipeline:
         return observation
 
     def _stop(self) -> None:
-        self._rate: Float64 = NEUTRAL
-        self._thrust: Float64 = NEUTRAL
+        self._rate = NEUTRAL
+        self._thrust = NEUTRAL
         self._schedule.restart()
 
     def _decision(

@@ -20,9 +20,7 @@ class EventKind:
 
     def at(self, stamp_ns: int, detail: str = "") -> HealthEvent:
         """Make the event of this kind that happened at a time."""
-        return HealthEvent(
-            stamp_ns=stamp_ns, name=self.name, severity=self.severity, detail=detail
-        )
+        return HealthEvent(stamp_ns=stamp_ns, name=self.name, severity=self.severity, detail=detail)
 
 
 def _info(name: str, meaning: str) -> EventKind:
@@ -52,6 +50,7 @@ BAD_MESSAGE = _warning("bad_message", "Bytes that are not the message they shoul
 POLICY_ERROR = _error("policy_error", "The policy failed or answered nonsense: neutral thrust.")
 PERCEPTION_ERROR = _error("perception_error", "A scan could not be processed: neutral thrust.")
 GUARD_TRIPPED = _error("guard_tripped", "A thrust was not finite or out of range: neutral thrust.")
+INTERNAL_ERROR = _error("internal_error", "A fault of the runtime itself: neutral thrust.")
 GOAL_MISSING = _info("goal_missing", "There is no goal: neutral thrust.")
 GOAL_SET = _info("goal_set", "A new goal was accepted.")
 WAYPOINT_REACHED = _info("waypoint_reached", "A waypoint is reached; the next one is the goal.")

@@ -12,7 +12,7 @@ NEUTRAL: Float64 = np.zeros(2)
 NEUTRAL.setflags(write=False)
 
 
-class ThrustLimits(Settings):
+class ThrustLimits(Settings, frozen=True):
     """What one propeller can do."""
 
     min_n: float = -500.0

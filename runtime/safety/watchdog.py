@@ -34,6 +34,11 @@ class Watchdog:
         """The names of the inputs that were stale, or had never come, at the last check."""
         return tuple(name for name, watched in self._inputs.items() if watched.stale)
 
+    @property
+    def all_heard(self) -> bool:
+        """Whether every input has come at least once."""
+        return all(watched.last_seen_s is not None for watched in self._inputs.values())
+
     def seen(self, name: str, stamp_ns: int, now_s: float) -> None:
         """Note a message; one of an input that is not watched, or no newer one, is ignored."""
         watched = self._inputs.get(name)

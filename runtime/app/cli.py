@@ -1,0 +1,103 @@
+"""The command line: one command, `twinscrew`, whose subcommands are found when they are asked for.
+
+Each subcommand is a function with typer annotations, registered as an entry point of the group
+``twinscrew.commands``. So the boat's installation has only the boat's commands, no command imports
+another's libraries, and `twinscrew run` starts without torch, matplotlib or the simulator.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, NoReturn
+
+import typer
+from typer.core import TyperGroup
+
+from twinscrew.runtime.errors import TwinscrewError
+
+GROUP = "twinscrew.commands"
+USAGE_ERROR = 2
+SUMMARIES = {
+    "sitl": "Sail simulated vessels with the real runtime, sensors to thrust.",
+    "run": "Run one vessel's runtime: what is deployed on the boat.",
+    "train": "Train policies in the fast environment.",
+    "export": "Turn a training run's actor into a self-contained ONNX file.",
+    "evaluate": "Score a policy in the training environment.",
+    "replay": "Feed a recording to the core again and print the decisions' SHA-256.",
+    "perceive": "Segment one point cloud file and print its objects.",
+    "bench": "Measure speed, latency and perception, and print the figures.",
+    "doctor": "Check this machine and this installation, line by line.",
+}
+"""What `twinscrew --help` says of each command, in its order, without importing any."""
+
+
+class LazyGroup(TyperGroup):
+    """A group that imports a subcommand's module only when that subcommand is used."""
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
+        """Name the installed commands, the known ones first and in their order."""
+        found = _installed()
+        known = [name for name in SUMMARIES if name in found]
+        return known + sorted(set(found) - set(known))
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
+        """Import a command, or describe it if only the help is wanted."""
+        entry = _installed().get(cmd_name)
+        if entry is None:
+            return None
+        if _help_of_all_is_wanted():
+            return _as_command(_described(cmd_name), cmd_name)
+        return _as_command(_load(entry), cmd_name)
+
+
+def main() -> NoReturn:
+    """Run the command line: exit status 2, and one line on standard error, for what is refused."""
+    app = typer.Typer(
+        cls=LazyGroup, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
+    )
+    app.callback(help="Autonomy runtime for twin-propeller surface vessels.")(_no_options)
+    try:
+        app(prog_name="twinscrew")
+    except TwinscrewError as error:
+        print(f"twinscrew: error: {error}", file=sys.stderr)
+        sys.exit(USAGE_ERROR)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    sys.exit(0)
+
+
+def _no_options() -> None: ...
+
+
+def _installed() -> dict[str, EntryPoint]:
+    return {entry.name: entry for entry in entry_points(group=GROUP)}
+
+
+def _help_of_all_is_wanted() -> bool:
+    return len(sys.argv) < 2 or sys.argv[1] in {"--help", "-h"}
+
+
+def _described(name: str) -> Callable[[], None]:
+    def command() -> None: ...
+
+    command.__doc__ = SUMMARIES.get(name, "")
+    return command
+
+
+def _load(entry: EntryPoint) -> Callable[..., None]:
+    try:
+        function: Callable[..., None] = entry.load()
+    except ModuleNotFoundError as error:
+        extra = "train" if entry.name in {"train", "export", "evaluate"} else "sim"
+        raise TwinscrewError(
+            f"'{entry.name}' needs the package {error.name!r}: pip install 'twinscrew[{extra}]'"
+        ) from error
+    return function
+
+
+def _as_command(function: Callable[..., None], name: str) -> Any:
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app.command(name=name)(function)
+    return typer.main.get_command(app)

@@ -1,0 +1,156 @@
+"""One vessel's runtime without its sockets and its clock.
+
+`run` wraps it in real time, the lock-step driver in simulated time; what they share is everything
+that decides whether a propeller turns. Messages and MAVLink bytes come in with the time; MAVLink
+bytes, and messages to publish, go out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from twinscrew.runtime.app.core import Core, Outcome
+from twinscrew.runtime.app.health import Facts, Health, State
+from twinscrew.runtime.errors import TwinscrewError
+from twinscrew.runtime.link.autopilot import AutopilotLink
+from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.topics import TOPICS
+from twinscrew.runtime.messages.types import Decision, Engagement, Float64, HealthEvent
+from twinscrew.runtime.safety.events import (
+    GUARD_TRIPPED,
+    INTERNAL_ERROR,
+    LIDAR_STALE,
+    ODOMETRY_STALE,
+    PERCEPTION_ERROR,
+    POLICY_ERROR,
+)
+from twinscrew.runtime.safety.guard import NEUTRAL, Guard
+from twinscrew.runtime.safety.watchdog import Watchdog
+
+FAULTS = {kind.name for kind in (POLICY_ERROR, PERCEPTION_ERROR, GUARD_TRIPPED, INTERNAL_ERROR)}
+
+
+WATCHED = {"points": LIDAR_STALE, "odometry": ODOMETRY_STALE}
+"""The inputs that must keep coming, and what it is called when they do not."""
+
+DISOBEYED_S = 5.0
+"""[s] After the autopilot ignored the commands, neutral thrust this long before the next try."""
+
+
+@dataclass(frozen=True, slots=True)
+class Handled:
+    """What came of a message: the decision, if any, and what to tell the operator."""
+
+    decision: Decision | None
+    events: tuple[HealthEvent, ...]
+
+
+class Controller:
+    """Core, watchdog, guard, health and autopilot link of one vessel."""
+
+    def __init__(self, core: Core, link: AutopilotLink) -> None:
+        self.core = core
+        self.link = link
+        self.health = Health()
+        self.decision: Decision | None = None
+        self._guard = Guard(core.pipeline.guard.limits)
+        self._watchdog = Watchdog(
+            {name: (kind, TOPICS[name].max_age_s or math.inf) for name, kind in WATCHED.items()}
+        )
+        self._disobeyed_until_s = -math.inf
+        self._engaged = False
+        self._fault = False
+        self._stamp_ns = 0
+
+    @property
+    def state(self) -> State:
+        """What the vessel is doing."""
+        return self.health.state
+
+    @property
+    def engaged(self) -> bool:
+        """Whether the core's thrust goes to the propellers."""
+        return self._engaged
+
+    def take_in(self, topic: str, payload: bytes, now_s: float) -> Handled:
+        """Feed one message of a core input topic to the core; never raises on its content."""
+        outcome = self._feed(topic, payload)
+        if outcome.stamp_ns is not None:
+            self._stamp_ns = max(self._stamp_ns, outcome.stamp_ns)
+            self._watchdog.seen(topic, outcome.stamp_ns, now_s)
+        events = outcome.events
+        if outcome.decision is not None:
+            self.decision = outcome.decision
+            events += outcome.decision.events
+            self._fault = any(event.name in FAULTS for event in events)
+        self.health.note(events, now_s)
+        return Handled(outcome.decision, events)
+
+    def from_autopilot(self, data: bytes, now_s: float) -> None:
+        """Take in bytes that came from the autopilot."""
+        if data:
+            self.link.receive(data, now_s)
+
+    def supervise(self, now_s: float) -> tuple[bytes | None, tuple[HealthEvent, ...]]:
+        """Look at the inputs' ages and the autopilot; say what changed.
+
+        Returns
+        -------
+        engagement : bytes or None
+            Where the right to drive changed: the message that the core must be fed, and the
+            recorder keep, as an input like any other.
+        events
+            What an operator should know.
+        """
+        events = [*self._watchdog.check(now_s, self._stamp_ns), *self.link.events(now_s)]
+        self.health.note(tuple(events), now_s)
+        change = self.health.step(self._facts(now_s), self._stamp_ns)
+        if change:
+            events.append(change)
+        engaged = self._may_drive(now_s) and not self._watchdog.stale
+        if engaged == self._engaged:
+            return None, tuple(events)
+        self._engaged = engaged
+        message = Engagement(stamp_ns=self._stamp_ns, engaged=engaged)
+        return cdr.encode_engagement(message), tuple(events)
+
+    def command(self, now_s: float) -> bytes:
+        """Give the MAVLink bytes to send now: the thrust, and what the link has to say."""
+        thrust, _ = self._guard.check(self.thrust, self._stamp_ns)
+        return self.link.command(thrust, now_s) + self.link.tick(now_s)
+
+    @property
+    def thrust(self) -> Float64:
+        """[N] (2,) What the propellers should give now, left and right."""
+        if not self._engaged or self._fault or self.decision is None:
+            return NEUTRAL
+        return self.decision.thrust
+
+    def _feed(self, topic: str, payload: bytes) -> Outcome:
+        try:
+            return self.core.feed(topic, payload)
+        except TwinscrewError as error:
+            detail = f"{topic}: {error}"
+        except Exception as error:  # a fault of ours must stop the boat, not the loop
+            detail = f"{topic}: {type(error).__name__}: {error}"
+        self._fault = True
+        return Outcome(events=(INTERNAL_ERROR.at(self._stamp_ns, detail),))
+
+    def _may_drive(self, now_s: float) -> bool:
+        status = self.link.status
+        if status.obeying is False:
+            self._disobeyed_until_s = now_s + DISOBEYED_S
+        return status.engaged and now_s >= self._disobeyed_until_s
+
+    def _facts(self, now_s: float) -> Facts:
+        mission = self.core.pipeline.mission
+        status = self.link.status
+        return Facts(
+            inputs_heard=self._watchdog.all_heard and status.message_age_s < math.inf,
+            inputs_fresh=not self._watchdog.stale and status.connected,
+            may_drive=self._may_drive(now_s),
+            fault=self._fault,
+            has_goal=mission.goal is not None and not mission.arrived,
+            warned=self.health.warned(now_s),
+        )
