@@ -1,7 +1,7 @@
 """The vessel in three degrees of freedom: surge, sway and yaw, for any number of vessels at once.
 
 Rigid body, added mass, Coriolis and linear and quadratic damping, driven by two thrusters:
-paper, eq. (13); Fossen (2021), chapters 3 and 6. The matrices follow from Fossen with the centre of
+paper, eq. (12); Fossen (2021), chapters 3 and 6. The matrices follow from Fossen with the centre of
 gravity at the origin and a diagonal M = M_RB + M_A = diag(m - Xudot, m - Yvdot, Iz - Nrdot)::
 
     C(nu) nu = (-m22 v r,  m11 u r,  (m22 - m11) u v)      Fossen (2021), eqs. 3.63 and 6.54
@@ -25,7 +25,7 @@ Damping = Annotated[float, Meta(le=0.0)]
 
 
 class VesselParameters(Settings):
-    """The WAM-V 16 as in training (config/vessels/wam_v_3dof.toml); signs as Fossen's derivatives."""
+    """The WAM-V 16 as in training (config/vessels/wam_v_3dof.toml); Fossen's signs."""
 
     mass_kg: Positive = 400.0
     """[kg] Loaded."""

@@ -1,0 +1,373 @@
+"""The training environment: many episodes at once, as array operations.
+
+Paper, sec. V with parameters.md's numbers. One decision of all vessels in all episodes is one `step`:
+all move at once through 0.05 s sub-steps, touching is checked at every sub-step, reaching the goal
+at the end; who reached or touched leaves the water. A slot whose episode is over begins the next.
+
+    env = VectorEnv(EnvironmentSettings(), episodes=64, seed=0)
+    observation = env.reset()                      # ego (E, V, 7), objects (E, V, K, 5), mask
+    while training:
+        result = env.step(action)                  # action (E, V, 2) in [-1, 1]
+        # a transition of each vessel with result.active:
+        #   observation, action, result.reward, result.final_observation, result.terminated
+        observation = result.observation           # of the new episodes where one was over
+
+Slot k's episodes are the same in any batch: `VectorEnv(s, 8, seed).slot 3` is
+`VectorEnv(s, 1, seed, first_slot=3).slot 0`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.messages.types import OBSERVED_OBJECTS, Float32, Float64
+from twinscrew.runtime.policy.vessel_model import VesselParameters
+from twinscrew.runtime.settings import Count, Positive, Settings
+from twinscrew.training import contacts, scenarios
+from twinscrew.training.dynamics import Coefficients, Dynamics
+from twinscrew.training.perception import Observations, Things, see_ego, see_objects
+from twinscrew.training.perception_noise import NoiseBank, NoiseSettings, draw
+from twinscrew.training.reward import RewardSettings, colregs_turn, reward
+from twinscrew.training.scenario_pool import Beginning, Pool
+from twinscrew.training.scenarios import MapSettings, ScenarioSettings
+from twinscrew.training.streams import Stream, episode_stream, slot_stream
+
+Mask = NDArray[np.bool_]
+
+RATE_LIMIT = 1000.0
+"""[N/s] The rate of change of thrust that an action of 1 asks for (paper, sec. V)."""
+
+
+class EnvironmentSettings(Settings):
+    """The environment; the defaults are the published one (parameters.md, Training environment)."""
+
+    scenarios: tuple[ScenarioSettings, ...] = (ScenarioSettings(),)
+    """The mixture: every episode follows one of these rows, drawn by weight."""
+    map: MapSettings = MapSettings()
+    vessel: VesselParameters = VesselParameters()
+    noise: NoiseSettings = NoiseSettings()
+    reward: RewardSettings = RewardSettings()
+    period_s: Positive = 0.5
+    """[s] Between two decisions; a multiple of the sub-step."""
+    substep_s: Positive = 0.05
+    """[s] Of the integration."""
+    goal_radius_m: Positive = 2.0
+    """[m] Nearer than this to its goal, a vessel has arrived."""
+    range_m: Positive = 20.0
+    """[m] Objects are perceived this far."""
+    observed_objects: Count = OBSERVED_OBJECTS
+    """[-] K: how many objects a vessel sees at most."""
+    decision_limit: Count = 1000
+    """[-] An episode is truncated after so many decisions."""
+
+    @property
+    def substeps(self) -> int:
+        """[-] In one decision."""
+        return round(self.period_s / self.substep_s)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """V and M: room for the vessels and buoys of the largest row."""
+        return max(s.robots for s in self.scenarios), max(s.buoys for s in self.scenarios)
+
+
+@dataclass(frozen=True, slots=True)
+class StepResult:
+    """What a decision of all vessels led to; E episodes, V vessels."""
+
+    observation: Observations
+    """To act on next: of the new episode where one was over, zeros for vessels that left."""
+    final_observation: Observations
+    """The state that the decision led to: the `next` of the transition."""
+    reward: Float32
+    """(E, V) 0 for vessels that were not on the water."""
+    terminated: Mask
+    """(E, V) Reached the goal or touched something: do not bootstrap."""
+    truncated: Mask
+    """(E, V) Cut off by the limit of decisions while under way: bootstrap."""
+    active: Mask
+    """(E, V) Was on the water when acting: has made a transition."""
+    reached: Mask
+    """(E, V) Reached its goal by this decision."""
+    touched_vessel: Mask
+    """(E, V) Touched another vessel in this decision."""
+    touched_buoy: Mask
+    """(E, V) Touched a buoy in this decision."""
+    elapsed_s: Float64
+    """(E,) [s] Since the episode began, at the end of this decision: the travel time of `reached`."""
+    finished: Mask
+    """(E,) The episode is over; the slot has begun the next one (unless `auto_reset` is off)."""
+
+    @property
+    def collided(self) -> Mask:
+        """(E, V) Touched anything in this decision."""
+        return self.touched_vessel | self.touched_buoy
+
+
+class VectorEnv:
+    """E episodes side by side.
+
+    Parameters
+    ----------
+    settings
+        The environment.
+    episodes
+        E: how many slots.
+    seed
+        Of everything random; non-negative.
+    first_slot
+        The number of the first slot: slots are numbered on from here, and a slot's number alone
+        (with the seed) determines its episodes.
+    auto_reset
+        Whether a slot whose episode is over begins the next.
+
+    Raises
+    ------
+    ConfigError
+        The scenario cannot be placed or the settings contradict each other.
+    """
+
+    def __init__(
+        self,
+        settings: EnvironmentSettings | None = None,
+        episodes: int = 64,
+        seed: int = 0,
+        *,
+        first_slot: int = 0,
+        auto_reset: bool = True,
+    ) -> None:
+        self.settings = settings = settings or EnvironmentSettings()
+        _check(settings, episodes, seed)
+        self.episodes, self.seed, self.auto_reset = episodes, seed, auto_reset
+        self.vessels, self.buoys = settings.shape
+        self._slots = range(first_slot, first_slot + episodes)
+        self.set_weights([row.weight for row in settings.scenarios])
+        self._pool = Pool(self._begin, episodes, 8 if auto_reset else 1)
+        self._allocate()
+
+    @property
+    def active(self) -> Mask:
+        """(E, V) Who is on the water now: whose action the next `step` uses."""
+        return self._active.copy()
+
+    def set_weights(self, weights: Sequence[float]) -> None:
+        """Change how often each row of `settings.scenarios` is drawn, for episodes yet to begin."""
+        rows = self.settings.scenarios
+        if len(weights) != len(rows) or min(weights) < 0.0 or sum(weights) <= 0.0:
+            raise ConfigError(
+                f"{len(rows)} numbers >= 0 with a positive sum are needed, got {list(weights)}",
+                key="weight",
+            )
+        self._cumulative = np.cumsum(weights) / np.sum(weights)
+        if hasattr(self, "_pool"):
+            self._pool.forget()
+
+    def reset(self) -> Observations:
+        """Begin the next episode in every slot."""
+        shape = (self.episodes, self.vessels)
+        most = self.settings.observed_objects
+        observation = Observations(
+            np.zeros((*shape, 7), np.float32),
+            np.zeros((*shape, most, 5), np.float32),
+            np.zeros((*shape, most), np.float32),
+        )
+        self._restart(np.arange(self.episodes), observation)
+        return observation
+
+    def step(self, action: NDArray[np.floating]) -> StepResult:
+        """Let every vessel act for one decision period.
+
+        Parameters
+        ----------
+        action : (E, V, 2) float
+            Rates of change of thrust, left and right, in units of 1000 N/s, clipped to [-1, 1].
+            Those of vessels that are not on the water are ignored.
+        """
+        acting = self._active.copy()
+        distance = np.abs(self._goal - self._position)
+        self._move(action)
+        touched_vessel, touched_buoy = self._contacts()
+        collided = touched_vessel | touched_buoy
+        left = np.abs(self._goal - self._position)
+        reached = acting & ~collided & (left <= self.settings.goal_radius_m)
+        terminated = collided | reached
+        self._decisions += 1
+        self._active &= ~terminated
+        truncated = self._active & (self._decisions >= self.settings.decision_limit)[:, None]
+        final = self._observe()
+        gained = reward(distance - left, collided, reached, self._turn(final), self.settings.reward)
+        gained *= acting
+        finished = ~(self._active & ~truncated).any(axis=1)
+        elapsed = self._decisions * self.settings.period_s
+        return StepResult(
+            observation=self._continue(final, truncated, finished),
+            final_observation=final,
+            reward=gained,
+            terminated=terminated,
+            truncated=truncated,
+            active=acting,
+            reached=reached,
+            touched_vessel=touched_vessel,
+            touched_buoy=touched_buoy,
+            elapsed_s=elapsed,
+            finished=finished,
+        )
+
+    def _allocate(self) -> None:
+        """Make the state: components first, then episodes, then vessels."""
+        s, episodes, vessels, buoys = self.settings, self.episodes, self.vessels, self.buoys
+        shape = (episodes, vessels)
+        self._north_east = np.zeros((2, *shape))
+        self._position = np.zeros(shape, complex)  # the same, north + i east
+        self._heading = np.zeros(shape)
+        self._nu = np.zeros((3, *shape))
+        self._thrust = np.zeros((2, *shape))
+        self._goal = np.zeros(shape, complex)
+        self._active = np.zeros(shape, bool)
+        self._buoy = np.zeros((episodes, buoys), complex)
+        self._buoy_there = np.zeros((episodes, buoys), bool)
+        self._decisions = np.zeros(episodes, np.int64)
+        self._radius = np.array([s.vessel.radius] * vessels + [s.map.buoy_radius_m] * buoys)
+        self._dynamics = Dynamics(
+            Coefficients(s.vessel, s.substep_s), episodes * vessels, s.substeps
+        )
+        streams = [slot_stream(self.seed, slot, Stream.PERCEPTION) for slot in self._slots]
+        self._noise = NoiseBank(s.noise, streams, (vessels, vessels + buoys))
+
+    def _move(self, action: NDArray[np.floating]) -> None:
+        """Change the thrusts and sail through the sub-steps of a decision."""
+        vessel = self.settings.vessel
+        rate = np.clip(np.moveaxis(np.asarray(action, np.float64), -1, 0), -1.0, 1.0) * RATE_LIMIT
+        self._thrust += rate * self.settings.period_s
+        np.clip(self._thrust, vessel.thrust_min_n, vessel.thrust_max_n, out=self._thrust)
+        self._thrust *= self._active
+        tau = np.zeros((3, self._heading.size))
+        left, right = self._thrust.reshape(2, -1)
+        tau[0] = left + right
+        tau[2] = (left - right) * self._dynamics.coefficients.lever
+        self._dynamics.advance(
+            self._north_east.reshape(2, -1),
+            self._heading.reshape(-1),
+            self._nu.reshape(3, -1),
+            lambda _: tau,
+        )
+        self._position.real, self._position.imag = self._north_east
+
+    def _contacts(self) -> tuple[Mask, Mask]:
+        """Tell which vessels touched a vessel, and which a buoy, in the decision just sailed."""
+        radius = self.settings.vessel.radius
+        flat = self._dynamics.trajectory
+        trajectory = flat.reshape(len(flat), 2, self.episodes, self.vessels)
+        strayed = contacts.strayed(flat).reshape(self.episodes, self.vessels)
+        vessel = contacts.between_vessels(trajectory, strayed, self._active, radius)
+        buoy = contacts.with_buoys(
+            trajectory,
+            strayed,
+            self._active,
+            radius,
+            self._buoy,
+            self._buoy_there,
+            self.settings.map.buoy_radius_m,
+        )
+        return vessel, buoy
+
+    def _observe(self) -> Observations:
+        """See what is around, as things are now."""
+        s = self.settings
+        heading = np.exp(1j * self._heading)
+        velocity = np.zeros((self.episodes, self.vessels + self.buoys), complex)
+        velocity[:, : self.vessels] = (self._nu[0] + 1j * self._nu[1]) * heading
+        things = Things(
+            position=np.concatenate([self._position, self._buoy], axis=1),
+            velocity=velocity,
+            radius=self._radius,
+            there=np.concatenate([self._active, self._buoy_there], axis=1),
+        )
+        noise = self._noise.next()
+        objects, mask = see_objects(heading, things, noise, s.range_m, s.observed_objects)
+        ego = see_ego(self._position, heading, self._goal, self._nu, self._thrust)
+        return Observations(ego, objects, mask)
+
+    def _turn(self, seen: Observations) -> Float64:
+        """Give how far each vessel's course falls short of the COLREGs, as it sees them."""
+        s = self.settings
+        v_ego = seen.ego[..., 2:4].astype(np.float64)
+        return colregs_turn(seen.objects, seen.mask, v_ego, s.vessel.radius, s.reward)
+
+    def _continue(self, final: Observations, truncated: Mask, finished: Mask) -> Observations:
+        """Take who left off the water, begin new episodes, and give what is to be acted on."""
+        self._active &= ~truncated
+        self._nu *= self._active
+        self._thrust *= self._active
+        there = self._active.astype(np.float32)[..., None]
+        observation = Observations(
+            final.ego * there, final.objects * there[..., None], final.mask * there
+        )
+        if self.auto_reset and finished.any():
+            self._restart(np.flatnonzero(finished), observation)
+        return observation
+
+    def _restart(self, slots: NDArray[np.intp], observation: Observations) -> None:
+        """Begin the next episode of some slots and write what its vessels see."""
+        beginning = self._pool.take(slots)
+        scenario = beginning.scenario
+        self._position[slots] = scenario.start
+        self._north_east[0, slots] = scenario.start.real
+        self._north_east[1, slots] = scenario.start.imag
+        self._heading[slots] = scenario.heading
+        self._nu[:, slots] = 0.0
+        self._thrust[:, slots] = 0.0
+        self._goal[slots] = scenario.goal
+        self._active[slots] = scenario.vessel
+        self._buoy[slots] = scenario.buoy
+        self._buoy_there[slots] = scenario.buoy_there
+        self._decisions[slots] = 0
+        observation.ego[slots] = beginning.ego
+        observation.objects[slots] = beginning.objects
+        observation.mask[slots] = beginning.mask
+
+    def _begin(self, slots: NDArray[np.intp], numbers: NDArray[np.intp]) -> Beginning:
+        """Draw episodes, by slot and number, with all that depends on them alone."""
+        s, vessels, buoys = self.settings, self.vessels, self.buoys
+        generators = [
+            episode_stream(self.seed, self._slots[slot], number)
+            for slot, number in zip(slots.tolist(), numbers.tolist(), strict=True)
+        ]
+        row = np.searchsorted(self._cumulative, [g.random() for g in generators], side="right")
+        scenario = scenarios.sample(s.scenarios, row, s.map, generators, (vessels, buoys))
+        noises = [draw(s.noise, g, (vessels, vessels + buoys)) for g in generators]
+        noise = type(noises[0])(*(np.stack(part) for part in zip(*noises, strict=True)))
+        heading = np.exp(1j * scenario.heading)
+        things = Things(
+            position=np.concatenate([scenario.start, scenario.buoy], axis=1),
+            velocity=np.zeros((len(slots), vessels + buoys), complex),
+            radius=self._radius,
+            there=np.concatenate([scenario.vessel, scenario.buoy_there], axis=1),
+        )
+        objects, mask = see_objects(heading, things, noise, s.range_m, s.observed_objects)
+        shape = (len(slots), vessels)
+        ego = see_ego(
+            scenario.start, heading, scenario.goal, np.zeros((3, *shape)), np.zeros((2, *shape))
+        )
+        there = scenario.vessel.astype(np.float32)[..., None]
+        chance = np.stack([g.random((vessels + 1, 1)) for g in generators])
+        return Beginning(scenario, ego * there, objects * there[..., None], mask * there, chance)
+
+
+def _check(settings: EnvironmentSettings, episodes: int, seed: int) -> None:
+    """Refuse settings that contradict each other."""
+    scenarios.check(settings.scenarios, settings.map)
+    if episodes < 1:
+        raise ConfigError(f"must be at least 1, got {episodes}", key="episodes")
+    if not 0 <= seed < 2**63:
+        raise ConfigError(f"must be in [0, 2^63), got {seed}", key="seed")
+    if abs(settings.substeps * settings.substep_s - settings.period_s) > 1e-9:
+        raise ConfigError(
+            f"must be a multiple of substep_s {settings.substep_s}, got {settings.period_s}",
+            key="period_s",
+        )

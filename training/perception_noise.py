@@ -1,0 +1,99 @@
+"""The paper's perception noise, eqs. (13) to (15): independent for every pair of vessel and object.
+
+The noise of a slot comes from the slot's own stream, drawn for many decisions at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from msgspec import Meta
+from numpy.random import Generator
+from numpy.typing import NDArray
+from scipy.stats import vonmises
+
+from twinscrew.runtime.messages.types import Float32
+from twinscrew.runtime.settings import Fraction, NonNegative, Positive, Settings
+
+Complex64 = NDArray[np.complex64]
+
+QUANTILES = 1 << 16
+"""[-] The radius noise takes one of so many equally likely values."""
+
+
+class NoiseSettings(Settings):
+    """How wrong perception is (parameters.md, Training environment: noise)."""
+
+    position_m: NonNegative = 0.05
+    """[m] Standard deviation of each coordinate."""
+    velocity_mps: NonNegative = 0.05
+    """[m/s] Standard deviation of each component."""
+    radius_mean: Fraction = 0.8
+    """[-] The perceived radius is the true one times this + (1 - this) w / pi,"""
+    radius_kappa: Annotated[float, Meta(ge=0.0, le=500.0)] = 1.0
+    """[-] w von Mises distributed around 0 with this concentration."""
+    perfect: bool = False
+    """True: no noise at all, the true radius."""
+
+
+class Noise(NamedTuple):
+    """One draw for V observers of O objects in E episodes; leading dimensions may differ."""
+
+    position: Complex64
+    """(E, V, O) [m]"""
+    velocity: Complex64
+    """(E, V, O) [m/s]"""
+    radius: Float32
+    """(E, V, O) [-] Factor of the true radius."""
+
+
+@lru_cache(maxsize=8)
+def radius_factors(mean: float, kappa: float) -> Float32:
+    """Give the radius factor, eq. (15), at the midpoints of its `QUANTILES` quantile bins."""
+    probability = (np.arange(QUANTILES) + 0.5) / QUANTILES
+    if kappa > 0.0:
+        w = vonmises(kappa).ppf(probability)
+    else:
+        w = np.pi * (2 * probability - 1)
+    return (mean + (1.0 - mean) * w / np.pi).astype(np.float32)
+
+
+def draw(settings: NoiseSettings, generator: Generator, shape: tuple[int, ...]) -> Noise:
+    """Draw noise of a shape."""
+    if settings.perfect:
+        zero = np.zeros(shape, np.complex64)
+        return Noise(zero, zero, np.ones(shape, np.float32))
+    normal = generator.standard_normal((2, *shape, 2), dtype=np.float32)
+    quantile = generator.integers(0, QUANTILES, shape, dtype=np.uint16)
+    position, velocity = normal.view(np.complex64)[..., 0]
+    position *= np.float32(settings.position_m)
+    velocity *= np.float32(settings.velocity_mps)
+    factors = radius_factors(settings.radius_mean, settings.radius_kappa)
+    return Noise(position, velocity, factors[quantile])
+
+
+class NoiseBank:
+    """Noise for E slots, drawn `block` decisions ahead so that a draw costs little."""
+
+    def __init__(
+        self,
+        settings: NoiseSettings,
+        generators: Sequence[Generator],
+        shape: tuple[int, int],
+        block: Positive = 32,
+    ) -> None:
+        self.settings = settings
+        self._generators = generators
+        self._shape = (int(block), *shape)
+        self._noise: list[Noise] = []
+
+    def next(self) -> Noise:
+        """Give the noise of the next decision, (E, V, O)."""
+        if not self._noise:
+            draws = [draw(self.settings, g, self._shape) for g in self._generators]
+            stacked = Noise(*(np.stack(part, axis=1) for part in zip(*draws, strict=True)))
+            self._noise = [Noise(*rows) for rows in zip(*stacked, strict=True)][::-1]
+        return self._noise.pop()
