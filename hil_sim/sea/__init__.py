@@ -1,1 +1,1 @@
-"""Waves and wind."""
+"""The sea: waves, wind and current."""

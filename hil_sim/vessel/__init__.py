@@ -1,1 +1,1 @@
-"""The 6-DoF vessel."""
+"""Vessels of six degrees of freedom: parameters, state, dynamics."""
