@@ -1,5 +1,76 @@
-# minimal build target for development; grows below
+# Every job is one command; `make help` lists them. Two of them do all set-up themselves: sitl, test.
+SHELL := /bin/bash
 VENV := .venv
-native:
-	flock .build.lock $(VENV)/bin/pip install -q --no-build-isolation --no-deps -e .
-.PHONY: native
+PIP := $(VENV)/bin/pip --disable-pip-version-check
+BIN := $(VENV)/bin
+NATIVE := CMakeLists.txt $(wildcard runtime/native/*.?pp hil_sim/native/*.?pp)
+# One BLAS thread: the two cores are for the vessels, and results do not depend on their number.
+export OMP_NUM_THREADS ?= 1
+export OPENBLAS_NUM_THREADS ?= 1
+
+.PHONY: help setup setup-dev sitl test test-fast check format lint types imports bench train \
+        fuzz wheel clean native
+.DEFAULT_GOAL := help
+
+help:  ## list the targets
+	@grep -hE '^[a-z-]+:.*  ## ' $(MAKEFILE_LIST) | sed -E 's/:.*  ## /\t/' | expand -t 14
+
+setup: $(VENV)/.installed  ## install twinscrew for simulation (no torch) into .venv
+
+setup-dev: $(VENV)/.installed-dev  ## install everything, torch and the checkers too
+
+sitl: setup  ## sail 3 vessels across the paper's map, in wind and waves, in real time
+	$(BIN)/twinscrew sitl --vessels 3 $(SITL_ARGS)
+
+test: setup-dev  ## run the whole test suite
+	$(BIN)/pytest
+
+test-fast: setup-dev  ## run the tests that take less than ten seconds each
+	$(BIN)/pytest -m "not slow"
+
+check: format lint types imports test  ## everything that keeps us honest: format to tests
+
+format: setup-dev  ## check the formatting
+	$(BIN)/ruff format --check .
+
+lint: setup-dev  ## check the style
+	$(BIN)/ruff check .
+
+types: setup-dev  ## check the types (mypy --strict)
+	$(BIN)/mypy
+
+imports: setup-dev  ## check that imports point one way
+	$(BIN)/lint-imports
+
+bench: setup-dev  ## measure everything and print the figures
+	$(BIN)/twinscrew bench
+
+train: setup-dev  ## train the shipped policy's configuration, one seed
+	$(BIN)/twinscrew train config/training/ac_iqn.toml --seeds 0
+
+native: setup-dev  ## rebuild the native modules after a change in C++
+	flock .build.lock $(PIP) install -q --no-build-isolation --no-deps -e .
+
+fuzz: setup-dev  ## fuzz the decoder and the kernels for FUZZ_S seconds each (default 300)
+	bash tests/fuzz/run.sh $(or $(FUZZ_S),300)
+
+wheel: setup-dev  ## build the boat's wheel (runtime alone) and try it in a bare environment
+	bash deploy/wheel.sh
+
+clean:  ## remove the environment, builds and runs
+	rm -rf $(VENV) build dist runs
+
+# -- set-up ---------------------------------------------------------------------------------------
+
+$(VENV)/bin/python:
+	bash deploy/bootstrap.sh $(VENV)
+
+$(VENV)/.installed: $(VENV)/bin/python pyproject.toml constraints.txt $(NATIVE)
+	$(PIP) install -q -c constraints.txt -e ".[sim]"
+	@touch $@
+
+$(VENV)/.installed-dev: $(VENV)/.installed
+	$(PIP) install -q -c constraints.txt -e ".[sim,train,dev]" \
+		$$($(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"])') \
+		cmake ninja
+	@touch $@
