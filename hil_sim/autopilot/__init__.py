@@ -1,1 +1,1 @@
-"""A MAVLink autopilot that behaves as ArduPilot Rover."""
+"""A simulated autopilot that behaves as ArduPilot Rover was measured to."""

@@ -1,1 +1,1 @@
-"""MAVLink to the autopilot."""
+"""The link to the autopilot: MAVLink, from thrust to paddles and back."""

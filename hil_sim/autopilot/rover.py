@@ -1,0 +1,165 @@
+"""ArduPilot Rover as a twin-thruster boat: a state machine of what it was seen to do.
+
+Measured on ArduRover V4.6.0-dev SITL. No bytes, no clock, no socket: the MAVLink face is
+`endpoint`, and time is an argument. Where a rule was read in its sources instead, it says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import IntEnum
+
+from msgspec import field
+
+from twinscrew.hil_sim.autopilot.mixer import in_uint16, paddle_outputs
+from twinscrew.hil_sim.autopilot.parameters import Parameters
+from twinscrew.hil_sim.autopilot.radio import LOST_AFTER_S, Radio
+from twinscrew.runtime.settings import NonNegative, Settings
+
+SERVOS = 16
+THROTTLE_LEFT, THROTTLE_RIGHT = 73, 74
+"""SERVOn_FUNCTION of the two propellers."""
+NEUTRAL_AFTER_S = 0.6
+"""[s] Overrides stopped, no receiver, FS_THR_ENABLE 1: thrust neutral (measured 0.55 to 0.66 s)."""
+FORCE = 21196
+"""Param 2 of the arm command that skips the checks (MAV_CMD_COMPONENT_ARM_DISARM)."""
+
+
+class Mode(IntEnum):
+    """Rover's mode numbers, `custom_mode` of its heartbeat; the two that are simulated."""
+
+    MANUAL = 0
+    HOLD = 4
+
+
+class RoverSettings(Settings, frozen=True):
+    """How the simulated autopilot is set up."""
+
+    arming_delay_s: NonNegative = 0.0
+    """[s] Arming is refused this long after boot. The real one: about 20 s (measured)."""
+    receiver: bool = False
+    """Whether a radio receiver is fitted (then overrides that stop give way to its sticks)."""
+    parameters: dict[str, float] = field(default_factory=dict)
+    """Parameters that differ from config/autopilot/ardurover.parm, to try a wrong set-up."""
+
+
+class Rover:
+    """The autopilot's state.
+
+    Parameters
+    ----------
+    settings, system_id
+        Its set-up, and its MAVLink system id (SYSID_THISMAV; SYSID_MYGCS starts as the same).
+    boot_s
+        [s] When it was switched on, in the caller's time.
+    """
+
+    def __init__(self, settings: RoverSettings, system_id: int, boot_s: float = 0.0) -> None:
+        self.parameters = Parameters(system_id, settings.parameters)
+        self.radio = Radio(receiver=settings.receiver)
+        self.mode = Mode.MANUAL
+        self.armed = False
+        self.failsafe = False
+        """True while the radio failsafe holds the boat."""
+        self.boot_s = boot_s
+        self.texts: list[str] = []
+        """What it wants to tell (STATUSTEXT); the endpoint takes them out."""
+        self._arming_delay_s = settings.arming_delay_s
+        self._servos = [0] * SERVOS
+        self._now_s = boot_s
+
+    @property
+    def is_boat(self) -> bool:
+        """FRAME_CLASS 2: heartbeats say surface boat."""
+        return self.parameters["FRAME_CLASS"] == 2
+
+    def override(self, values: Sequence[int], sender: int, now_s: float) -> None:
+        """Take RC_CHANNELS_OVERRIDE; from anyone but SYSID_MYGCS it is silently ignored."""
+        if sender == self.parameters["SYSID_MYGCS"] and self.parameters["RC_OVERRIDE_TIME"] != 0:
+            self.radio.override(values, now_s)
+
+    def set_mode(self, number: float) -> bool:
+        """Change the mode; False if there is none of this number."""
+        if number not in (Mode.MANUAL, Mode.HOLD):
+            return False
+        self.mode = Mode(int(number))
+        return True
+
+    def arm(self, *, force: bool = False) -> bool:
+        """Arm; False, with the reason in `texts`, if a check forbids it."""
+        refusal = None if force or self.armed else self._arming_refusal(self._now_s)
+        if refusal is not None:
+            self.texts.append(f"Arm: {refusal}")
+            return False
+        if not self.armed:
+            self.texts.append("Throttle armed")
+        self.armed = True
+        return True
+
+    def disarm(self) -> None:
+        """Disarm: neutral outputs."""
+        if self.armed:
+            self.texts.append("Throttle disarmed")
+        self.armed = False
+
+    def set_servo(self, number: float, pwm_us: float) -> bool:
+        """DO_SET_SERVO: refused on a propeller's output; elsewhere it works even disarmed."""
+        if not 1 <= number <= SERVOS or self._function(int(number)) != 0:
+            return False
+        self._servos[int(number) - 1] = in_uint16(pwm_us)
+        return True
+
+    def step(self, now_s: float) -> None:
+        """Let time pass: channels age, the failsafe watches."""
+        self._now_s = now_s
+        self.radio.update(now_s, self.parameters["RC_OVERRIDE_TIME"])
+        silent_s = self.radio.silent_s(now_s, self.boot_s)
+        watched = self.parameters["FS_THR_ENABLE"] != 0
+        if not watched or silent_s <= LOST_AFTER_S:
+            if self.failsafe:
+                self.texts.append("Radio Failsafe Cleared")
+            self.failsafe = False
+        elif (
+            silent_s > LOST_AFTER_S + self.parameters["FS_TIMEOUT"]
+            and not self.failsafe
+            and self.mode is not Mode.HOLD
+        ):
+            self.failsafe = True
+            self.texts.append("Radio Failsafe")
+            self.radio.clear_overrides()
+            if self.parameters["FS_ACTION"] == 2:
+                self.mode = Mode.HOLD  # it stays there: HOLD latches
+
+    def servo_outputs(self) -> list[int]:
+        """Give the pulse widths [us] of outputs 1 to 16, as SERVO_OUTPUT_RAW tells them."""
+        left, right = self._paddles()
+        outputs = list(self._servos)
+        for index in range(SERVOS):
+            function = self._function(index + 1)
+            if function in (THROTTLE_LEFT, THROTTLE_RIGHT):
+                outputs[index] = left if function == THROTTLE_LEFT else right
+        return outputs
+
+    def propellers(self) -> tuple[int, int]:
+        """Give the pulse widths [us] that drive the left and right propeller."""
+        return self._paddles()
+
+    def _paddles(self) -> tuple[int, int]:
+        lost = (
+            self.parameters["FS_THR_ENABLE"] != 0
+            and self.radio.silent_s(self._now_s, self.boot_s) > NEUTRAL_AFTER_S
+        )
+        driven = self.armed and self.mode is Mode.MANUAL and not lost
+        return paddle_outputs(self.radio.values if driven else None, self.parameters)
+
+    def _function(self, servo: int) -> float:
+        return self.parameters.get(f"SERVO{servo}_FUNCTION", 0.0)
+
+    def _arming_refusal(self, now_s: float) -> str | None:
+        if now_s - self.boot_s < self._arming_delay_s:
+            return "AHRS: not healthy"
+        if self.radio.silent_s(now_s, self.boot_s) > LOST_AFTER_S or not self.radio.values[2]:
+            return "Radio failsafe on"
+        if abs(self.radio.values[2] - self.parameters["RC3_TRIM"]) > self.parameters["RC3_DZ"] + 1:
+            return "Throttle (RC3) is not neutral"  # read: ARMING_CHECK's default
+        return None

@@ -1,0 +1,114 @@
+"""The messages that the link sends, and the times that it keeps."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from twinscrew.runtime.link.paddles import SPAN_US, STICK_SPAN, STOP_US
+from twinscrew.runtime.link.wire import Message
+from twinscrew.runtime.messages.types import Severity
+
+HEARTBEAT_S = 1.0
+"""[s] MAVLink's heartbeat interval."""
+COMMAND_STALE_S = 0.2
+"""[s] Without a new command for this long (4 at 20 Hz), `tick` sends stop."""
+STREAM_BEFORE_ARMING_S = 0.1
+"""[s] Neutral overrides must reach the autopilot before it lets itself be armed."""
+STOP_BEFORE_RELEASE_S = 0.2
+"""[s] Stop goes first: without a receiver a released channel keeps its last value."""
+RELEASED = (0, 0)
+"""Both channels given back to the pilot's receiver."""
+RELEASE_S = 0.5
+"""[s] How long channels are given back, several times over: a message may be lost."""
+LEFT, RIGHT = 1, 3
+"""Channels of the paddles (RCMAP_ROLL, RCMAP_THROTTLE)."""
+_IGNORE = 65535
+_TEXT_LENGTH = 50
+"""[bytes] One STATUSTEXT."""
+_SEVERITIES = {
+    Severity.INFO: mavlink.MAV_SEVERITY_INFO,
+    Severity.WARNING: mavlink.MAV_SEVERITY_WARNING,
+    Severity.ERROR: mavlink.MAV_SEVERITY_ERROR,
+}
+
+
+def heartbeat() -> Message:
+    """We are an onboard computer, not an autopilot."""
+    return mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+        mavlink.MAV_AUTOPILOT_INVALID,
+        0,
+        0,
+        mavlink.MAV_STATE_ACTIVE,
+        3,  # MAVLink's own version number in this message
+    )
+
+
+def thrust(
+    target: int, pair: tuple[int, int], control: Literal["rc_override", "manual_control"]
+) -> Message:
+    """Ask for pulse widths [us], left and right."""
+    if control == "manual_control":
+        left, right = (round((p - STOP_US) * STICK_SPAN / SPAN_US) for p in pair)
+        none = 32_767  # an axis that is not there
+        return mavlink.MAVLink_manual_control_message(target, none, left, right, none, 0)
+    return _override(target, pair)
+
+
+def set_mode(target: int, mode: int) -> Message:
+    """Ask for a mode."""
+    custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+    return _command(target, mavlink.MAV_CMD_DO_SET_MODE, custom, mode)
+
+
+def arm(target: int) -> Message:
+    """Ask for arming, with all of the autopilot's checks."""
+    return _command(target, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+
+
+def disarm(target: int) -> Message:
+    """Ask for disarming."""
+    return _command(target, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
+
+
+def message_interval(target: int, message_id: int, rate_hz: float) -> Message:
+    """Ask for a message at a rate."""
+    interval_us = 1e6 / rate_hz
+    return _command(target, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_us)
+
+
+def streams(servo_output_hz: float, state_hz: float) -> list[tuple[int, float]]:
+    """Give the messages that the link wants, with their rates [Hz]."""
+    wanted = [(int(mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW), servo_output_hz)]
+    if state_hz > 0:
+        wanted.append((int(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED), state_hz))
+        wanted.append((int(mavlink.MAVLINK_MSG_ID_ATTITUDE), state_hz))
+    return wanted
+
+
+def statustext(text: str, severity: Severity) -> list[Message]:
+    """Give the messages that carry a text of any length, 50 bytes each."""
+    encoded = text.encode("ascii", errors="replace")
+    parts = [encoded[i : i + _TEXT_LENGTH] for i in range(0, len(encoded), _TEXT_LENGTH)]
+    number = 0 if len(parts) < 2 else 1 + sum(encoded) % 65_535  # joins the chunks of one text
+    return [
+        mavlink.MAVLink_statustext_message(_SEVERITIES[severity], part, number, chunk)
+        for chunk, part in enumerate(parts)
+    ]
+
+
+def _override(target: int, pair: tuple[int, int]) -> Message:
+    channels = [_IGNORE] * 18
+    channels[LEFT - 1], channels[RIGHT - 1] = pair
+    return mavlink.MAVLink_rc_channels_override_message(
+        target, mavlink.MAV_COMP_ID_AUTOPILOT1, *channels
+    )
+
+
+def _command(target: int, command: int, *params: float) -> Message:
+    padded = [*params, *[0.0] * (7 - len(params))]
+    return mavlink.MAVLink_command_long_message(
+        target, mavlink.MAV_COMP_ID_AUTOPILOT1, command, 0, *padded
+    )

@@ -1,0 +1,140 @@
+"""The autopilot parameters that the link depends on: which are wrong, and writing them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from twinscrew.runtime.link.parm import read_parm
+from twinscrew.runtime.link.wire import Message
+from twinscrew.runtime.settings import CONFIG_DIR
+
+SHIPPED = CONFIG_DIR / "autopilot" / "ardurover.parm"
+"""The parameters and their values."""
+GCS_ID = "SYSID_MYGCS"
+"""Whose overrides count: must be the system id that we speak as."""
+OTHER_NAMES = {GCS_ID: "MAV_GCS_SYSID"}
+"""Names that newer firmware (4.7) gave to old parameters."""
+RETRY_S = 0.5
+"""[s] Ask again after this long without an answer."""
+TRIES = 4
+"""[-] Then the parameter is taken as missing (or asked for by its newer name)."""
+AT_ONCE = 4
+"""[-] Questions on their way at a time: a slow serial line must not fill up."""
+_FLOAT_EPSILON = 1e-6
+"""[-] Relative: parameters travel as 32-bit floats."""
+
+
+def expected_parameters(system_id: int) -> dict[str, float]:
+    """Give the names and values that a boat of this system id must have."""
+    return read_parm(SHIPPED) | {GCS_ID: float(system_id)}
+
+
+@dataclass(slots=True)
+class _Question:
+    name: str
+    expected: float
+    asked_as: str
+    tries: int = 0
+    next_s: float = 0.0
+    value: float | None = None
+    missing: bool = False
+    writes: int = 0
+
+    @property
+    def open(self) -> bool:
+        return self.value is None and not self.missing
+
+    @property
+    def wrong(self) -> bool:
+        return self.missing or (self.value is not None and not _same(self.value, self.expected))
+
+
+class ParameterCheck:
+    """Reads the parameters, a few at a time, and compares.
+
+    Parameters
+    ----------
+    expected
+        Names and the values that they must have.
+    write
+        Write what is wrong (PARAM_SET), and believe it when the autopilot repeats it.
+    """
+
+    def __init__(self, expected: Mapping[str, float], *, write: bool = False) -> None:
+        self._questions = {name: _Question(name, value, name) for name, value in expected.items()}
+        self._write = write
+
+    @property
+    def done(self) -> bool:
+        """Whether every parameter was answered or given up."""
+        return not any(question.open for question in self._questions.values())
+
+    @property
+    def wrong(self) -> tuple[str, ...]:
+        """Words about each parameter known to be wrong: what it is, what it must be."""
+        return tuple(_words(q) for q in self._questions.values() if q.wrong)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """What is known so far."""
+        return {q.name: q.value for q in self._questions.values() if q.value is not None}
+
+    def ask(self, target: int, now_s: float) -> list[Message]:
+        """Give the requests to send now."""
+        messages = []
+        for question in [q for q in self._questions.values() if q.open][:AT_ONCE]:
+            if now_s < question.next_s:
+                continue
+            if question.tries >= TRIES and not _try_other_name(question):
+                continue
+            question.tries += 1
+            question.next_s = now_s + RETRY_S
+            messages.append(_read(target, question.asked_as))
+        return messages
+
+    def heard(self, name: str, value: float, target: int) -> list[Message]:
+        """Take a PARAM_VALUE; gives the PARAM_SET that mends it, if that is wanted."""
+        for question in self._questions.values():
+            if name == question.asked_as:
+                question.value, question.missing = value, False
+                if self._write and question.wrong and question.writes < TRIES:
+                    question.writes += 1
+                    return [_write(target, name, question.expected)]
+        return []
+
+
+def _try_other_name(question: _Question) -> bool:
+    other = OTHER_NAMES.get(question.name)
+    if other is None or question.asked_as == other:
+        question.missing = True
+        return False
+    question.asked_as, question.tries = other, 0
+    return True
+
+
+def _same(a: float, b: float) -> bool:
+    return abs(a - b) <= _FLOAT_EPSILON * max(1.0, abs(b))
+
+
+def _words(question: _Question) -> str:
+    if question.value is None:
+        return f"{question.name} is missing, must be {question.expected:g}"
+    return f"{question.asked_as} is {question.value:g}, must be {question.expected:g}"
+
+
+def _read(target: int, name: str) -> Message:
+    component = mavlink.MAV_COMP_ID_AUTOPILOT1
+    return mavlink.MAVLink_param_request_read_message(target, component, name.encode("ascii"), -1)
+
+
+def _write(target: int, name: str, value: float) -> Message:
+    return mavlink.MAVLink_param_set_message(
+        target,
+        mavlink.MAV_COMP_ID_AUTOPILOT1,
+        name.encode("ascii"),
+        value,
+        mavlink.MAV_PARAM_TYPE_REAL32,
+    )

@@ -1,0 +1,41 @@
+"""What the link knows of the autopilot, as one frozen record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AutopilotStatus:
+    """The autopilot as the link sees it now."""
+
+    connected: bool
+    """Whether it is heard."""
+    armed: bool
+    mode: str
+    """Name of its mode, as "MANUAL"; "unknown" before the first heartbeat."""
+    vehicle_type: int | None
+    """MAV_TYPE of its heartbeat; 11 is a surface boat."""
+    is_boat: bool
+    """Whether it is an ArduPilot surface boat."""
+    pilot_has_it: bool
+    """Whether a pilot chose another mode than MANUAL."""
+    failsafe_hold: bool
+    """Whether its radio failsafe holds the boat."""
+    obeying: bool | None
+    """Whether its outputs follow our commands; None while nobody can tell (all at stop)."""
+    outputs_us: tuple[int, int] | None
+    """[us] Left, right: what drives the propellers, as SERVO_OUTPUT_RAW says."""
+    message_age_s: float
+    """[s] Since the last message of any kind; infinite if there was none."""
+    heartbeat_age_s: float
+    """[s] Since the last heartbeat."""
+    bad_frames: int
+    """[-] Frames refused so far: damaged, or not signed as they should be."""
+    parameters_wrong: tuple[str, ...]
+    """Words about each parameter that is not what it must be."""
+
+    @property
+    def engaged(self) -> bool:
+        """Whether thrust commands act: heard, a boat, armed, in MANUAL mode."""
+        return self.connected and self.is_boat and self.armed and self.mode == "MANUAL"

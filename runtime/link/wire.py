@@ -1,0 +1,103 @@
+"""MAVLink 2 on the wire: bytes to messages and back, without any socket.
+
+The dialect module does the encoding; the framing is ours, because a false start byte must not
+swallow the good frames behind it, and because a peer without the key must not be able to move a
+stream's signing clock (see `signing`). pymavlink.mavutil is not needed, and costs start-up time.
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Any, TypeAlias
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from twinscrew.runtime.link.signing import Signing, signed_codec
+
+Message: TypeAlias = Any
+"""A message of the dialect: `mavlink.MAVLink_*_message` (pymavlink carries no stub files)."""
+
+_STARTS = (mavlink.PROTOCOL_MARKER_V1, mavlink.PROTOCOL_MARKER_V2)
+_CRC_LENGTH = 2
+
+
+class Wire:
+    """One end of a MAVLink connection.
+
+    Parameters
+    ----------
+    system_id, component_id
+        Who we say we are.
+    signing
+        Sign what goes out and refuse what is not signed with the same key; None to do neither.
+    """
+
+    def __init__(self, system_id: int, component_id: int, signing: Signing | None = None) -> None:
+        self.bad_frames = 0
+        """[-] Frames refused so far: damaged, or not signed as they should be."""
+        self._signing = signing
+        self._codec = (
+            mavlink.MAVLink(None, system_id, component_id)
+            if signing is None
+            else signed_codec(system_id, component_id, signing)
+        )
+        self._buffer = bytearray()
+
+    @property
+    def system_id(self) -> int:
+        """[-] The system we speak as."""
+        return int(self._codec.srcSystem)
+
+    def encode(self, message: Message) -> bytes:
+        """Give the frame of a message, numbered and, if asked for, signed."""
+        if self._signing is not None:
+            self._signing.advance(self._codec)
+        frame: bytes = message.pack(self._codec)
+        self._codec.seq = (self._codec.seq + 1) % 256
+        return frame
+
+    def decode(self, data: bytes) -> list[Message]:
+        """Give the messages that `data` completes; damaged and unknown ones are left out."""
+        if self._signing is not None:
+            self._signing.advance(self._codec)
+        buffer = self._buffer
+        buffer += data
+        messages: list[Message] = []
+        start = 0
+        while (start := _next_start(buffer, start)) < len(buffer):
+            length = _frame_length(buffer, start)
+            if length is None or start + length > len(buffer):
+                break
+            message = self._decode_frame(buffer[start : start + length])
+            if message is None:
+                start += 1  # a false or damaged start: a good frame may lie inside
+                continue
+            start += length
+            if message.get_msgId() >= 0:  # the dialect marks what it does not know by -1
+                messages.append(message)
+        del buffer[:start]
+        return messages
+
+    def _decode_frame(self, frame: bytearray) -> Message | None:
+        try:
+            return self._codec.decode(frame)
+        except (mavlink.MAVError, struct.error, ValueError):
+            self.bad_frames += 1
+            return None
+
+
+def _next_start(buffer: bytearray, start: int) -> int:
+    while start < len(buffer) and buffer[start] not in _STARTS:
+        start += 1
+    return start
+
+
+def _frame_length(buffer: bytearray, start: int) -> int | None:
+    """Give the whole frame's length [bytes], or None while its header is not complete."""
+    if len(buffer) - start < 3:
+        return None
+    marker, payload, flags = buffer[start : start + 3]
+    if marker == mavlink.PROTOCOL_MARKER_V1:
+        return int(mavlink.HEADER_LEN_V1) + payload + _CRC_LENGTH
+    signature = mavlink.MAVLINK_SIGNATURE_BLOCK_LEN if flags & mavlink.MAVLINK_IFLAG_SIGNED else 0
+    return int(mavlink.HEADER_LEN_V2) + payload + _CRC_LENGTH + signature
