@@ -1,0 +1,106 @@
+"""Zenoh's configuration, made from settings; nothing beyond this machine unless asked for."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import zenoh
+from msgspec import Meta
+
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.messages.topics import KeyFormat
+from twinscrew.runtime.settings import Positive, Settings
+
+DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
+"""Zenoh's usual port, on this machine only."""
+
+
+class ZenohSettings(Settings, frozen=True):
+    """How to reach the others. Complete without a file."""
+
+    mode: Literal["peer", "client", "router"] = "peer"
+    """A peer goes on trying to reach its `connect` endpoints; a client needs one at once."""
+    connect: tuple[str, ...] = (DEFAULT_ENDPOINT,)
+    """Where to find the others: a simulator, a bridge or a router."""
+    listen: tuple[str, ...] = ()
+    """Where to be found; nowhere by default."""
+    multicast_scouting: bool = False
+    """Look for others on the local network, and let them find us."""
+    shared_memory: bool = True
+    """Let large payloads go to programs on this machine by shared memory."""
+    config_file: str | None = None
+    """A configuration in Zenoh's own words (JSON5): TLS, access control. The five settings above
+    are applied over it where they are not at their defaults."""
+    key_format: KeyFormat = "ros2dds"
+    """Whose keys: those of zenoh-bridge-ros2dds, or of rmw_zenoh."""
+    domain: Annotated[int, Meta(ge=0, le=232)] = 0
+    """[-] ROS_DOMAIN_ID; rmw_zenoh's keys hold it."""
+    max_message_mb: Positive = 64.0
+    """[MB] Larger messages are thrown away and counted. A cloud of 1e6 points has 20 to 48 MB."""
+    lossless: bool = False
+    """Wait where the line is full instead of dropping: for lock-step, never at sea."""
+
+
+_KEYS: Final = {
+    "mode": "mode",
+    "connect": "connect/endpoints",
+    "listen": "listen/endpoints",
+    "multicast_scouting": "scouting/multicast/enabled",
+    "shared_memory": "transport/shared_memory/enabled",
+}
+"""Where in Zenoh's configuration a setting belongs."""
+_OUR_DEFAULTS: Final = {
+    # Look again after 0.1 s, later every second: a boat's programs start in any order.
+    "connect/retry": {
+        "period_init_ms": 100,
+        "period_max_ms": 1000,
+        "period_increase_factor": 2.0,
+    },
+    # Do not wait for peers when opening: matching is awaited where it matters.
+    "open/return_conditions": {"connect_scouted": False, "declares": False},
+}
+
+
+def zenoh_config(settings: ZenohSettings) -> zenoh.Config:
+    """Make Zenoh's configuration.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, or Zenoh refuses a value; the error names it.
+    """
+    if settings.config_file is None:
+        config = zenoh.Config()
+        names = set(_KEYS)
+        _insert_all(config, _OUR_DEFAULTS)
+    else:
+        config = _read(Path(settings.config_file))
+        defaults = ZenohSettings()
+        names = {n for n in _KEYS if getattr(settings, n) != getattr(defaults, n)}
+    _insert_all(config, {_KEYS[name]: getattr(settings, name) for name in sorted(names)})
+    return config
+
+
+def in_short(error: zenoh.ZError) -> str:
+    """Give Zenoh's words without the places in its source."""
+    return re.sub(r" at /\S+:\d+\.?", "", str(error)).strip()
+
+
+def _insert_all(config: zenoh.Config, values: dict[str, Any]) -> None:
+    for key, value in values.items():
+        try:
+            config.insert_json5(key, json.dumps(value))
+        except zenoh.ZError as error:
+            raise ConfigError(f"{value!r}: {in_short(error)}", file="zenoh", key=key) from None
+
+
+def _read(path: Path) -> zenoh.Config:
+    if not path.is_file():
+        raise ConfigError("no such file", file=path)
+    try:
+        return zenoh.Config.from_file(path)
+    except zenoh.ZError as error:
+        raise ConfigError(f"not a Zenoh configuration: {in_short(error)}", file=path) from None
