@@ -74,14 +74,14 @@ void mount(Caster& caster, std::size_t own_shape, Array<const double, 3> p_BS,
 std::size_t cast(Caster& caster, Array<const double, 3> p_NS, Array<const double, 3, 3> R_NS,
                  Numbers shapes, Vectors3 p_NO, Matrices3 R_NO, Vector water_z, std::size_t own,
                  Array<std::int32_t, -1> beam,
-                 Array<double, -1> range,
+                 Array<double, -1> distance,
                  Array<std::int32_t, -1> body) {
   const std::size_t count = shapes.size();
   const std::size_t beams = caster.beams().rows() * caster.beams().columns();
   require(p_NO.shape(0) == count && R_NO.shape(0) == count && water_z.size() == count,
           "shapes, p_NO, R_NO and water_z must have the same length");
-  require(beam.size() == beams && range.size() == beams && body.size() == beams,
-          "beam, range and body must have one element a beam");
+  require(beam.size() == beams && distance.size() == beams && body.size() == beams,
+          "beam, distance and body must have one element a beam");
   require(finite(p_NS) && finite(R_NS) && finite(p_NO) && finite(R_NO), "poses must be finite");
   std::vector<Body> bodies;
   for (std::size_t i = 0; i < count; ++i) {
@@ -89,13 +89,17 @@ std::size_t cast(Caster& caster, Array<const double, 3> p_NS, Array<const double
     require(shape < caster.shapes(), "no such shape");
     bodies.push_back({shape, pose(R_NO.data() + 9 * i, p_NO.data() + 3 * i), water_z(i)});
   }
-  Echoes echoes{span(beam), span(range), span(body)};
+  Echoes echoes{span(beam), span(distance), span(body)};
   const nb::gil_scoped_release release;
   return caster.cast(pose(R_NS.data(), p_NS.data()), bodies, own, echoes);
 }
 
 }  // namespace
 }  // namespace twinscrew
+
+namespace twinscrew {
+void bind_vessel(nb::module_& m);  // bind_vessel.cpp
+}
 
 NB_MODULE(_native, m) {
   using namespace twinscrew;
@@ -110,5 +114,6 @@ NB_MODULE(_native, m) {
       .def("add_shape", &add_shape, "kinds"_a, "centres"_a, "rotations"_a, "halves"_a)
       .def("mount", &mount, "own_shape"_a, "p_BS"_a, "R_BS"_a)
       .def("cast", &cast, "p_NS"_a, "R_NS"_a, "shapes"_a, "p_NO"_a, "R_NO"_a, "water_z"_a, "own"_a,
-           "beam"_a.noconvert(), "range"_a.noconvert(), "body"_a.noconvert());
+           "beam"_a.noconvert(), "distance"_a.noconvert(), "body"_a.noconvert());
+  bind_vessel(m);
 }
