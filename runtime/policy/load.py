@@ -1,0 +1,43 @@
+"""Find a policy by what the user typed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from twinscrew.runtime.errors import ConfigError, PolicyError
+from twinscrew.runtime.policy.base import Policy
+from twinscrew.runtime.policy.metadata import PolicyExpectation
+from twinscrew.runtime.settings import shipped
+
+
+def load_policy(spec: str | Path, expect: PolicyExpectation | None = None) -> Policy:
+    """Give a policy.
+
+    Parameters
+    ----------
+    spec
+        ``apf``, ``mpc``, the name of a shipped policy, or an ONNX file.
+    expect
+        What the vessel needs a policy file to have been made for.
+
+    Raises
+    ------
+    PolicyError
+        There is no such policy, or the file is not one.
+    """
+    # What is not used is not imported: a baseline needs no ONNX Runtime.
+    if spec == "apf":
+        from twinscrew.runtime.policy.apf import ApfPolicy
+
+        return ApfPolicy()
+    if spec == "mpc":
+        from twinscrew.runtime.policy.mpc import MpcPolicy
+
+        return MpcPolicy()
+    try:
+        path = shipped("policies", spec, ".onnx")
+    except ConfigError as error:
+        raise PolicyError(f"{error}; or apf, mpc, or an ONNX file") from error
+    from twinscrew.runtime.policy.onnx import OnnxPolicy
+
+    return OnnxPolicy(path, expect)

@@ -1,0 +1,135 @@
+"""What a policy file says about itself, checked."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
+
+from twinscrew.runtime.errors import PolicyError
+from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
+from twinscrew.runtime.settings import Positive, Settings
+
+Text = Annotated[str, Meta(min_length=1)]
+
+INPUT_SHAPES: dict[str, tuple[int, ...]] = {
+    "ego": (7,),
+    "objects": (OBSERVED_OBJECTS, 5),
+    "mask": (OBSERVED_OBJECTS,),
+    "risk": (1,),
+}
+"""Inputs of a policy's graph, float32, without the batch dimension; `risk` may be missing."""
+OPTIONAL_INPUTS = ("risk",)
+OUTPUT_NAME = "thrust_rate"
+OUTPUT_SHAPE = (2,)
+
+
+class PolicyMetadata(msgspec.Struct, frozen=True, kw_only=True):
+    """The metadata properties of a policy file; all are strings there. Others are ignored."""
+
+    twinscrew_format: Literal["1"]
+    """[-] Version of this table, the inputs and the output."""
+    algorithm: Text
+    """What trained it, as "ac_iqn"."""
+    decision_period_s: Annotated[float, Meta(gt=0.0, le=10.0)]
+    """[s] Time between two decisions."""
+    thrust_min_n: Annotated[float, Meta(le=0.0)]
+    """[N] Least thrust of each propeller in training."""
+    thrust_max_n: Positive
+    """[N] Greatest thrust of each propeller in training."""
+    thrust_rate_max_n_per_s: Positive
+    """[N/s] Greatest rate that the graph answers with."""
+    observed_objects: Annotated[int, Meta(ge=OBSERVED_OBJECTS, le=OBSERVED_OBJECTS)]
+    """[-] Number of objects it sees."""
+    perception_range_m: Positive
+    """[m] How far it could see in training."""
+    radius_margin: Positive
+    """[-] Factor on observed radii, already applied inside the graph."""
+    inputs: Text
+    """JSON: name -> units, frame, shape."""
+    training_run: Text
+    commit: Text
+    created: Text
+
+
+class PolicyExpectation(Settings, frozen=True):
+    """What the vessel's configuration needs a policy to have been made for; None: anything."""
+
+    thrust_min_n: float | None = None
+    """[N]"""
+    thrust_max_n: float | None = None
+    """[N]"""
+    perception_range_m: float | None = None
+    """[m]"""
+
+
+def read_metadata(properties: Mapping[str, str]) -> PolicyMetadata:
+    """Check the metadata properties of a policy file.
+
+    Raises
+    ------
+    PolicyError
+        A key is missing, or its value is not what it has to be; names the key.
+    """
+    for key in PolicyMetadata.__struct_fields__:
+        if key not in properties:
+            needed = ", ".join(PolicyMetadata.__struct_fields__)
+            raise PolicyError(f"metadata {key!r} is missing; needed: {needed}")
+        try:
+            _check_one(key, properties[key])
+        except msgspec.ValidationError as error:
+            raise PolicyError(f"metadata {key!r}: {error}, got {properties[key]!r}") from error
+    metadata = msgspec.convert(dict(properties), PolicyMetadata, strict=False)
+    for key in metadata.__struct_fields__:
+        value = getattr(metadata, key)
+        if isinstance(value, float) and not math.isfinite(value):
+            raise PolicyError(f"metadata {key!r} is {value}; expected a finite number")
+    _check_inputs(metadata.inputs)
+    return metadata
+
+
+def check_expectation(metadata: PolicyMetadata, expect: PolicyExpectation) -> None:
+    """Refuse a policy that was made for another vessel or sensor.
+
+    Raises
+    ------
+    PolicyError
+        Names the key, the policy's value and the vessel's.
+    """
+    for key in expect.__struct_fields__:
+        needed, given = getattr(expect, key), getattr(metadata, key)
+        if needed is not None and needed != given:
+            raise PolicyError(f"metadata {key!r} is {given:g}; the vessel's is {needed:g}")
+
+
+_TYPES = {field.name: field.type for field in msgspec.structs.fields(PolicyMetadata)}
+
+
+def _check_one(key: str, value: str) -> None:
+    msgspec.convert(value, _TYPES[key], strict=False)
+
+
+def _check_inputs(text: str) -> None:
+    """Check the JSON description of the inputs: names, and units, frame and shape of each."""
+    try:
+        inputs: Any = json.loads(text)
+    except ValueError as error:
+        raise PolicyError(f"metadata 'inputs': not JSON: {error}") from error
+    if not isinstance(inputs, dict):
+        raise PolicyError("metadata 'inputs': expected an object of name -> units, frame, shape")
+    for name, shape in INPUT_SHAPES.items():
+        if name not in inputs:
+            if name in OPTIONAL_INPUTS:
+                continue
+            raise PolicyError(f"metadata 'inputs': {name!r} is missing")
+        described = inputs[name]
+        if not isinstance(described, dict) or not {"units", "frame", "shape"} <= set(described):
+            raise PolicyError(f"metadata 'inputs.{name}': needs units, frame and shape")
+        if described["shape"] != ["N", *shape]:
+            raise PolicyError(
+                f"metadata 'inputs.{name}.shape' is {described['shape']}; allowed: {['N', *shape]}"
+            )
