@@ -1,1 +1,1 @@
-"""One algorithm a file."""
+"""The learners, one readable file an algorithm, on shared encoders, buffer and loop."""

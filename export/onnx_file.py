@@ -1,0 +1,169 @@
+"""One policy, one file: the deterministic actor as a self-contained ONNX graph with its metadata."""
+
+from __future__ import annotations
+
+import logging
+import os
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import onnx
+import torch
+from torch import Tensor, nn
+
+from twinscrew.runtime.errors import PolicyError
+from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
+from twinscrew.training.observations import EGO_COLUMNS, OBJECT_COLUMNS, Observations
+
+OPSET = 18
+FORMAT = "1"
+"""[-] Version of the inputs, the output and the metadata that a reader has to know."""
+
+INPUTS = {
+    "ego": {
+        "shape": ["N", EGO_COLUMNS],
+        "frame": "B",
+        "columns": "goal_x goal_y surge sway yaw_rate thrust_left thrust_right".split(),
+        "units": "m m m/s m/s rad/s N N".split(),
+    },
+    "objects": {
+        "shape": ["N", OBSERVED_OBJECTS, OBJECT_COLUMNS],
+        "frame": "B",
+        "columns": "x y velocity_x velocity_y radius".split(),
+        "units": "m m m/s m/s m".split(),
+    },
+    "mask": {
+        "shape": ["N", OBSERVED_OBJECTS],
+        "frame": "-",
+        "columns": ["present"],
+        "units": ["-"],
+    },
+}
+OUTPUT = "thrust_rate"
+
+
+class DeployedPolicy(nn.Module):
+    """The graph that sails: raw observations in, thrust rates out."""
+
+    def __init__(self, actor: nn.Module, *, radius_margin: float, rate_max_n_per_s: float) -> None:
+        """Take an actor (observations to actions in [-1, 1]).
+
+        Parameters
+        ----------
+        actor
+            Maps `Observations` to (B, 2).
+        radius_margin
+            Factor on every observed radius: a LiDAR sees a part of a hull, about 0.8 of the radius.
+        rate_max_n_per_s
+            [N/s] Thrust rate of action 1.
+        """
+        super().__init__()
+        self.actor = actor
+        self.rate_max = rate_max_n_per_s
+        factors = torch.tensor([1.0, 1.0, 1.0, 1.0, radius_margin])
+        self.register_buffer("factors", factors, persistent=False)
+
+    def forward(self, ego: Tensor, objects: Tensor, mask: Tensor) -> Tensor:
+        """Give thrust rates (N, 2) [N/s], left and right."""
+        action = self.actor(Observations(ego, objects * self.factors, mask))
+        return torch.as_tensor(action * self.rate_max)
+
+
+def example_inputs(count: int, seed: int) -> tuple[Tensor, Tensor, Tensor]:
+    """Give random, plausible raw inputs: goals, speeds, thrusts, and 0 to 5 objects in range."""
+    generator = torch.Generator().manual_seed(seed)
+
+    def uniform(low: float, high: float, *shape: int) -> Tensor:
+        return low + (high - low) * torch.rand(*shape, generator=generator)
+
+    goal, velocity = uniform(-50, 50, count, 2), uniform(-1, 3.3, count, 2)
+    yaw_rate, thrust = uniform(-0.8, 0.8, count, 1), uniform(-500, 1000, count, 2)
+    ego = torch.cat([goal, velocity, yaw_rate, thrust], dim=1)
+    shape = (count, OBSERVED_OBJECTS)
+    position, drift = uniform(-20, 20, *shape, 2), uniform(-3, 3, *shape, 2)
+    objects = torch.cat([position, drift, uniform(0.5, 3.0, *shape, 1)], dim=2)
+    present = torch.randint(0, OBSERVED_OBJECTS + 1, (count, 1), generator=generator)
+    mask = (torch.arange(OBSERVED_OBJECTS) < present).float()
+    return ego, objects * mask[:, :, None], mask
+
+
+def onnx_bytes(policy: DeployedPolicy, metadata: Mapping[str, str]) -> bytes:
+    """Trace a policy into ONNX (opset 18, any batch size) and attach its metadata.
+
+    Raises
+    ------
+    PolicyError
+        A metadata value is not a string, or the graph is not valid ONNX.
+    """
+    for key, value in metadata.items():
+        if not isinstance(value, str):
+            raise PolicyError(f"metadata {key!r} must be a string, got {value!r}")
+    batch = torch.export.Dim("N", min=1)
+    with _quiet_exporter():
+        program = torch.onnx.export(
+            policy.eval(),
+            example_inputs(2, seed=0),
+            input_names=list(INPUTS),
+            output_names=[OUTPUT],
+            opset_version=OPSET,
+            dynamic_shapes=({0: batch}, {0: batch}, {0: batch}),
+            dynamo=True,
+            verbose=False,
+            external_data=False,
+        )
+    assert program is not None  # noqa: S101 - None is what other, older modes return
+    model = program.model_proto
+    _strip(model)
+    onnx.helper.set_model_props(model, dict(metadata))
+    try:
+        onnx.checker.check_model(model, full_check=True)
+    except onnx.checker.ValidationError as error:
+        raise PolicyError(f"the exported graph is not valid ONNX: {error}") from error
+    return bytes(model.SerializeToString())
+
+
+def write_atomically(data: bytes, file: Path) -> None:
+    """Write a file so that a reader sees the old one or the new one, never a part.
+
+    Raises
+    ------
+    PolicyError
+        The file cannot be written (no such folder, no room, no right).
+    """
+    part = file.with_name(f".{file.name}.part")
+    try:
+        with part.open("wb") as out:
+            out.write(data)
+            out.flush()
+            os.fsync(out.fileno())
+        part.replace(file)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise PolicyError(f"{file}: cannot be written: {error.strerror}") from error
+
+
+def _strip(model: onnx.ModelProto) -> None:
+    """Drop what tells only how the graph was traced: stack traces and paths of this machine."""
+    del model.metadata_props[:]
+    del model.graph.metadata_props[:]
+    model.doc_string = model.graph.doc_string = ""
+    for part in (*model.graph.node, *model.graph.value_info, *model.graph.initializer):
+        part.doc_string = ""
+        del part.metadata_props[:]
+    del model.graph.value_info[:]
+
+
+@contextmanager
+def _quiet_exporter() -> Iterator[None]:
+    """Keep the exporter's progress and deprecation notes off the user's screen."""
+    logger = logging.getLogger("torch.onnx")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.setLevel(level)

@@ -1,0 +1,132 @@
+"""Run directories: one run at a time in each, logs that grow, checkpoints that are never half.
+
+A checkpoint is written beside the old one and then takes its place, so that a full disk or a
+killed process leaves the last one readable. It holds tensors, numbers, strings and containers of
+them only, and is read as such (nothing in it can run).
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import pickle
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from twinscrew.runtime.errors import ConfigError, TwinscrewError
+
+CHECKPOINT = "checkpoint.pt"
+BEST = "best.pt"
+CONFIG = "config.json"
+LOG = "log.jsonl"
+FORMAT = 1
+"""[-] Version of what a checkpoint holds."""
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold a run directory, made if need be; the lock goes with the process, however it ends.
+
+    Raises
+    ------
+    ConfigError
+        Another process trains there.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise ConfigError("run directory in use by another process", file=folder) from error
+        yield
+
+
+def save_checkpoint(file: Path, algorithm: str, content: Mapping[str, Any]) -> None:
+    """Write a checkpoint atomically.
+
+    Raises
+    ------
+    TwinscrewError
+        It cannot be written; what was there before is untouched.
+    """
+    part = file.with_name(f".{file.name}.part")
+    try:
+        with part.open("wb") as out:
+            torch.save({"format": FORMAT, "algorithm": algorithm, **content}, out)
+            out.flush()
+            os.fsync(out.fileno())
+        part.replace(file)
+    except (OSError, RuntimeError) as error:
+        part.unlink(missing_ok=True)
+        raise TwinscrewError(
+            f"{file}: checkpoint cannot be written ({error}); the last one is kept"
+        ) from error
+
+
+def load_checkpoint(file: Path, algorithm: str) -> dict[str, Any]:
+    """Read a checkpoint of a learner.
+
+    Raises
+    ------
+    ConfigError
+        There is none, it is no checkpoint, or it is of another algorithm or version.
+    """
+    try:
+        content = torch.load(file, map_location="cpu", weights_only=True)
+    except OSError as error:
+        raise ConfigError(error.strerror or str(error), file=file) from error
+    except (RuntimeError, pickle.UnpicklingError, EOFError, ValueError) as error:
+        raise ConfigError("not a readable checkpoint", file=file) from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        found = content.get("format") if isinstance(content, dict) else type(content).__name__
+        raise ConfigError(f"checkpoint of version {found!r}, this reads {FORMAT}", file=file)
+    if content["algorithm"] != algorithm:
+        raise ConfigError(
+            f"checkpoint of {content['algorithm']!r}, the configuration is of {algorithm!r}",
+            file=file,
+        )
+    return content
+
+
+def append_record(file: Path, record: Mapping[str, Any]) -> None:
+    """Add one line of JSON to a log, with the time.
+
+    Raises
+    ------
+    TwinscrewError
+        It cannot be written.
+    """
+    line = json.dumps({"time": round(time.time(), 3), **record}, allow_nan=True)
+    try:
+        with file.open("a", encoding="utf-8") as log:
+            log.write(line + "\n")
+    except OSError as error:
+        raise TwinscrewError(f"{file}: cannot be written: {error.strerror}") from error
+
+
+def read_records(file: Path) -> list[dict[str, Any]]:
+    """Read a log; a last line that a killed process left half is dropped.
+
+    Raises
+    ------
+    ConfigError
+        There is no log.
+    """
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise ConfigError(error.strerror or str(error), file=file) from error
+    records = []
+    for number, line in enumerate(lines):
+        try:
+            records.append(json.loads(line))
+        except json.JSONDecodeError as error:
+            if number + 1 < len(lines):
+                raise ConfigError(f"line {number + 1} is not JSON", file=file) from error
+    return records

@@ -1,0 +1,109 @@
+"""Everything a training run is told: one TOML file, read as this."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta
+
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.settings import Count, Fraction, Positive, Settings, convert, read_toml
+from twinscrew.training.agents.registry import AnyAgentSettings
+from twinscrew.training.environment import EnvironmentSettings
+from twinscrew.training.exploration import ExplorationSettings
+
+
+class Phase(Settings, kw_only=True):
+    """A stretch of training under its own conditions, as one line of the paper's curriculum."""
+
+    name: str
+    """What logs and progress call it."""
+    steps: Count
+    """[environment steps] How long; one step moves every vessel of every parallel episode."""
+    keep_replay: bool = True
+    """Go on with the old transitions; false where the rewards have changed."""
+    environment: dict[str, Any] = {}
+    """What differs from `environment`."""
+    agent: dict[str, Any] = {}
+    """What differs from `agent`, networks apart."""
+
+
+class TrainSettings(Settings, kw_only=True):
+    """A training run."""
+
+    agent: AnyAgentSettings
+    """The learner; `algorithm` names it."""
+    environment: EnvironmentSettings = EnvironmentSettings()
+    """Where it learns."""
+    exploration: ExplorationSettings = ExplorationSettings()
+    """How it tries out."""
+    phases: Annotated[list[Phase], Meta(min_length=1)]
+    """One after another."""
+    parallel_episodes: Count = 64
+    """[-] Episodes that run at once."""
+    updates_per_step: Positive = 2.0
+    """[-] Updates of the agent an environment step; below 1, one every few steps."""
+    batch: Count = 256
+    """[transitions] In an update."""
+    replay: Count = 1_000_000
+    """[transitions] Kept."""
+    warm_up: Count = 20_000
+    """[transitions] Gathered before the first update, and again after a resume."""
+    n_steps: Count = 3
+    """[decisions] Rewards summed before the value of what follows is asked."""
+    discount: Fraction = 0.99
+    """[-] gamma, a decision (paper: 0.99)."""
+    log_every: Count = 200
+    """[environment steps] Between two lines of the log."""
+    evaluate_every: Count = 5000
+    """[environment steps] Between two evaluations, each with a checkpoint."""
+    evaluation_episodes: Count = 100
+    """[-] In each of the six settings of the paper's table."""
+    validation_seed: int = 424_242
+    """[-] Of the evaluations that select the best checkpoint; never used for reported figures."""
+
+
+def load_training(file: Path) -> TrainSettings:
+    """Read a training configuration; every phase's differences are checked at once.
+
+    Raises
+    ------
+    ConfigError
+        Names the file, the key, the value and what is allowed.
+    """
+    settings = convert(read_toml(file), TrainSettings, file=file)
+    for number, phase in enumerate(settings.phases):
+        try:
+            phase_settings(settings, phase)
+        except ConfigError as error:
+            raise ConfigError(f"phase {number + 1} ({phase.name}): {error}", file=file) from error
+    return settings
+
+
+def phase_settings(
+    settings: TrainSettings, phase: Phase
+) -> tuple[AnyAgentSettings, EnvironmentSettings]:
+    """Give the agent's and the environment's settings in a phase."""
+    if "network" in phase.agent:
+        raise ConfigError("the networks stay the same over all phases", key="agent.network")
+    agent = merged(settings.agent, phase.agent)
+    environment = merged(settings.environment, phase.environment)
+    return (
+        convert(agent, type(settings.agent)),
+        convert(environment, EnvironmentSettings),
+    )
+
+
+def merged(base: Settings, changes: dict[str, Any]) -> dict[str, Any]:
+    """Give settings as plain values, with changes laid over them table by table."""
+    return _overlay(msgspec.to_builtins(base), changes)
+
+
+def _overlay(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    both = dict(base)
+    for key, value in changes.items():
+        nested = isinstance(value, dict) and isinstance(both.get(key), dict)
+        both[key] = _overlay(both[key], value) if nested else value
+    return both
