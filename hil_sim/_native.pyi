@@ -41,3 +41,63 @@ class Caster:
         body: NDArray[np.int32],
     ) -> int:
         """Cast every beam at K bodies; fill the last three; give the number of echoes."""
+
+class VesselModel:
+    """The equations of motion of one kind of vessel."""
+
+    def __init__(
+        self,
+        *,
+        mass: NDArray[np.float64],
+        mass_inverse: NDArray[np.float64],
+        linear_drag: NDArray[np.float64],
+        quadratic_drag: NDArray[np.float64],
+        weight_n: float,
+        centre_B: NDArray[np.float64],
+        keel_B: NDArray[np.float64],
+        hull_radius_m: float,
+        lift_per_area: float,
+        propellers_B: NDArray[np.float64],
+        thrust: NDArray[np.float64],
+        windage: NDArray[np.float64],
+        wind_world_frame: bool,
+    ) -> None:
+        """Take (6, 6) (6, 6) (6,) (6,), (3,), (P, 3), (2, 3), (least, greatest, lag), (3,)."""
+
+    def step(
+        self,
+        position_N: NDArray[np.float64],
+        q_NB: NDArray[np.float64],
+        velocity_B: NDArray[np.float64],
+        rates_B: NDArray[np.float64],
+        thrust: NDArray[np.float64],
+        command: NDArray[np.float64],
+        waves: NDArray[np.float64],
+        growth: float,
+        wind_N: NDArray[np.float64],
+        current_N: NDArray[np.float64],
+        time_s: float,
+        dt_s: float,
+        next_position_N: NDArray[np.float64],
+        next_q_NB: NDArray[np.float64],
+        next_velocity_B: NDArray[np.float64],
+        next_rates_B: NDArray[np.float64],
+        next_thrust: NDArray[np.float64],
+    ) -> None:
+        """Fill the last five with the state of V vessels after dt_s."""
+
+    def acceleration(
+        self,
+        position_N: NDArray[np.float64],
+        q_NB: NDArray[np.float64],
+        velocity_B: NDArray[np.float64],
+        rates_B: NDArray[np.float64],
+        thrust: NDArray[np.float64],
+        waves: NDArray[np.float64],
+        growth: float,
+        wind_N: NDArray[np.float64],
+        current_N: NDArray[np.float64],
+        time_s: float,
+        nu_dot: NDArray[np.float64],
+    ) -> None:
+        """Fill the last, (V, 6), with the accelerations in the water's frame."""

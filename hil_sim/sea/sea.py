@@ -13,7 +13,7 @@ from twinscrew.runtime.settings import Settings
 Array = NDArray[np.float64]
 
 
-class SeaSettings(Settings):
+class SeaSettings(Settings, frozen=True):
     """The sea of a scenario. The defaults are the paper's."""
 
     waves: WaveSettings = WaveSettings()
@@ -40,6 +40,10 @@ class Sea:
     def elevation(self, p_N: Array, time_s: float) -> Array:
         """Give the surface's height over still water, (...) [m] up, at p_N, (..., 2) [m]."""
         return waves.elevation(self.waves, p_N, time_s)
+
+    def wave_growth(self, time_s: float) -> float:
+        """Give the share of their height that the waves have reached, in [0, 1]."""
+        return waves.growth(self.waves.ramp_s, time_s)
 
     def wind(self, time_s: float) -> Array:
         """Give the velocity of the air over ground, (2,) [m/s], frame N."""

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
@@ -23,14 +25,14 @@ DISPERSION_GRAVITY = 9.8
 """[m/s2] Gravity in the dispersion relation: VRX rounds here."""
 
 
-class WaveSettings(Settings):
+class WaveSettings(Settings, frozen=True):
     """Which waves there are."""
 
     period_s: Positive = 5.0
     """[s] Period of the spectrum's peak (paper, sec. VI)."""
     gain: NonNegative = 0.3
     """[-] Factor on the amplitudes (paper, sec. VI); 0 is flat water."""
-    scale: Positive = 1.1
+    scale: Annotated[float, Meta(gt=1.0)] = 1.1
     """[-] Ratio of neighbouring frequencies, above 1."""
     towards_deg: float = 90.0
     """[deg] [N] Where the middle component runs to, clockwise from north."""

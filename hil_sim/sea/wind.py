@@ -21,7 +21,7 @@ BLOCK = 4096
 """[-] Grid points drawn at a time: 205 s, more than an episode."""
 
 
-class WindSettings(Settings):
+class WindSettings(Settings, frozen=True):
     """How the wind blows."""
 
     mean_mps: NonNegative = 10.0

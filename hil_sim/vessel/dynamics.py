@@ -1,4 +1,8 @@
-"""How vessels move: the equations of motion, stepped for all vessels at once."""
+"""How vessels move: the equations of motion, stepped for all vessels at once.
+
+The equations are in hil_sim/native/vessel_step.cpp; docs/simulator.md explains them, and
+tests/reference/vessel_step.py says the same in numpy.
+"""
 
 from __future__ import annotations
 
@@ -7,20 +11,21 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from twinscrew.hil_sim._native import VesselModel
 from twinscrew.hil_sim.sea.sea import Sea
-from twinscrew.hil_sim.vessel import step as equations
-from twinscrew.hil_sim.vessel.parameters import VesselParameters
+from twinscrew.hil_sim.vessel.inertia import join
+from twinscrew.hil_sim.vessel.parameters import VesselParameters, lift_per_area
 from twinscrew.hil_sim.vessel.state import VesselState
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
 
 Array = NDArray[np.float64]
 
 
-class DynamicsSettings(Settings):
-    """How the equations are used. The defaults are ours, `as_vrx` is VRX's way."""
+class DynamicsSettings(Settings, frozen=True):
+    """How the equations are used. The defaults are ours; `as_vrx` is VRX's way."""
 
     step_s: Positive = 0.01
-    """[s] Fixed step of the integrator; VRX: 0.05."""
+    """[s] Step that the simulator's drivers take; VRX: 0.05."""
     wind_frame: Literal["body", "vrx_world_frame"] = "body"
     """Whose axes the wind coefficients belong to: the vessel's, or (VRX's quirk) the world's."""
     thrust_lag_s: NonNegative = 0.0
@@ -28,7 +33,7 @@ class DynamicsSettings(Settings):
 
 
 def as_vrx() -> DynamicsSettings:
-    """Give the settings with which VRX runs."""
+    """Give the settings with which VRX 2.3.2 runs."""
     return DynamicsSettings(step_s=0.05, wind_frame="vrx_world_frame")
 
 
@@ -40,11 +45,12 @@ class VesselDynamics:
     ) -> None:
         self.parameters = parameters
         self.settings = settings or DynamicsSettings()
+        self._model = _native_model(parameters, self.settings)
 
     def step(
         self, state: VesselState, command_N: Array, sea: Sea, time_s: float, dt_s: float
     ) -> VesselState:
-        """Move all vessels on by one step.
+        """Move all vessels on by one step of semi-implicit Euler.
 
         Parameters
         ----------
@@ -63,14 +69,55 @@ class VesselDynamics:
         -------
         state : VesselState
             The vessels at `time_s + dt_s`.
+
+        Raises
+        ------
+        ValueError
+            A number is not finite, or the arrays do not have one row a vessel.
         """
-        return equations.step(
-            self.parameters,
-            state,
-            command_N,
-            sea,
-            time_s,
-            dt_s,
-            lag_s=self.settings.thrust_lag_s,
-            world_frame=self.settings.wind_frame == "vrx_world_frame",
+        after = VesselState(
+            position_N=np.empty_like(state.position_N),
+            q_NB=np.empty_like(state.q_NB),
+            velocity_B=np.empty_like(state.velocity_B),
+            rates_B=np.empty_like(state.rates_B),
+            thrust=np.empty_like(state.thrust),
         )
+        self._model.step(
+            *_arrays(state), command_N, *_sea_at(sea, time_s), time_s, dt_s, *_arrays(after)
+        )
+        return after
+
+    def acceleration(self, state: VesselState, sea: Sea, time_s: float) -> Array:
+        """Give the accelerations, (V, 6) [m/s2, rad/s2], in B, relative to the water."""
+        nu_dot = np.empty((state.count, 6))
+        self._model.acceleration(*_arrays(state), *_sea_at(sea, time_s), time_s, nu_dot)
+        return nu_dot
+
+
+def _arrays(state: VesselState) -> tuple[Array, Array, Array, Array, Array]:
+    return state.position_N, state.q_NB, state.velocity_B, state.rates_B, state.thrust
+
+
+def _sea_at(sea: Sea, time_s: float) -> tuple[Array, float, Array, Array]:
+    return sea.wave_table, sea.wave_growth(time_s), sea.wind(time_s), sea.current_N
+
+
+def _native_model(parameters: VesselParameters, settings: DynamicsSettings) -> VesselModel:
+    body = join(parameters.parts)
+    mass = body.mass_matrix() + np.diag(parameters.added_mass)
+    thrusters, windage = parameters.thrusters, parameters.windage
+    return VesselModel(
+        mass=mass,
+        mass_inverse=np.asarray(np.linalg.inv(mass), dtype=np.float64),
+        linear_drag=np.array(parameters.linear_drag),
+        quadratic_drag=np.array(parameters.quadratic_drag),
+        weight_n=body.mass * parameters.buoyancy.gravity_mps2,
+        centre_B=body.centre_B,
+        keel_B=parameters.buoyancy.points_B,
+        hull_radius_m=parameters.buoyancy.hull_radius_m,
+        lift_per_area=lift_per_area(parameters.buoyancy),
+        propellers_B=thrusters.positions_B,
+        thrust=np.array([thrusters.min_n, thrusters.max_n, settings.thrust_lag_s]),
+        windage=np.array([windage.along, windage.across, windage.yaw]),
+        wind_world_frame=settings.wind_frame == "vrx_world_frame",
+    )

@@ -6,6 +6,7 @@ ending in `_B` are the one place where they become forward-starboard-down.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -23,7 +24,7 @@ Positives = tuple[NonNegative, NonNegative, NonNegative]
 SixMagnitudes = tuple[NonNegative, NonNegative, NonNegative, NonNegative, NonNegative, NonNegative]
 
 
-class Part(Settings):
+class Part(Settings, frozen=True):
     """One rigid part."""
 
     name: str
@@ -40,7 +41,7 @@ class Part(Settings):
         return flu_to_frd(np.array(self.position_flu_m))
 
 
-class Buoyancy(Settings):
+class Buoyancy(Settings, frozen=True):
     """Hulls as half-immersed cylinders whose lift acts at points."""
 
     hull_length_m: Positive
@@ -62,7 +63,7 @@ class Buoyancy(Settings):
         return flu_to_frd(np.array(self.points_flu_m))
 
 
-class Thrusters(Settings):
+class Thrusters(Settings, frozen=True):
     """Two propellers that push along the hull."""
 
     left_flu_m: Vector
@@ -80,7 +81,7 @@ class Thrusters(Settings):
         return flu_to_frd(np.array([self.left_flu_m, self.right_flu_m]))
 
 
-class Windage(Settings):
+class Windage(Settings, frozen=True):
     """Force coefficients of the air."""
 
     along: NonNegative
@@ -91,7 +92,7 @@ class Windage(Settings):
     """[N s2/m]"""
 
 
-class VesselParameters(Settings):
+class VesselParameters(Settings, frozen=True):
     """A vessel of six degrees of freedom. Orders of six: surge, sway, heave, roll, pitch, yaw."""
 
     length_m: Positive
@@ -129,8 +130,12 @@ def load_vessel(name: str | Path = "wam_v") -> VesselParameters:
     return parameters
 
 
+def lift_per_area(buoyancy: Buoyancy) -> float:
+    """Give the lift [N/m2] of one point for each square metre of its hull's wet section."""
+    length = buoyancy.hull_length_m / buoyancy.points_per_hull
+    return length * buoyancy.water_density_kgpm3 * buoyancy.gravity_mps2
+
+
 def largest_lift(buoyancy: Buoyancy) -> float:
     """Give the lift [N] of one point that is immersed by the hull's radius: half a circle."""
-    area = 0.5 * np.pi * buoyancy.hull_radius_m**2
-    length = buoyancy.hull_length_m / buoyancy.points_per_hull
-    return float(area * length * buoyancy.water_density_kgpm3 * buoyancy.gravity_mps2)
+    return 0.5 * math.pi * buoyancy.hull_radius_m**2 * lift_per_area(buoyancy)

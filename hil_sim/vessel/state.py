@@ -34,7 +34,8 @@ class VesselState:
     def heading(self) -> Array:
         """[rad] [N] (V,) Headings, clockwise from north, in [-pi, pi]."""
         w, x, y, z = self.q_NB.T
-        return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        heading: Array = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        return heading
 
 
 def level_quaternion(heading: Array, pitch: float = 0.0) -> Array:
