@@ -69,6 +69,11 @@ class Controller:
         return self.health.state
 
     @property
+    def stamp_ns(self) -> int:
+        """[ns] The newest stamp seen: what the core's time is."""
+        return self._stamp_ns
+
+    @property
     def engaged(self) -> bool:
         """Whether the core's thrust goes to the propellers."""
         return self._engaged
@@ -118,7 +123,13 @@ class Controller:
     def command(self, now_s: float) -> bytes:
         """Give the MAVLink bytes to send now: the thrust, and what the link has to say."""
         thrust, _ = self._guard.check(self.thrust, self._stamp_ns)
-        return self.link.command(thrust, now_s) + self.link.tick(now_s)
+        wanted = None if self.state is State.READY and not self._has_goal else thrust
+        return self.link.command(wanted, now_s) + self.link.tick(now_s)
+
+    def rest(self, now_s: float) -> bytes:
+        """Give the last MAVLink bytes of a run: propellers at stop."""
+        self._engaged = False
+        return self.link.command(NEUTRAL, now_s) + self.link.tick(now_s)
 
     @property
     def thrust(self) -> Float64:
@@ -126,6 +137,11 @@ class Controller:
         if not self._engaged or self._fault or self.decision is None:
             return NEUTRAL
         return self.decision.thrust
+
+    @property
+    def _has_goal(self) -> bool:
+        mission = self.core.pipeline.mission
+        return mission.goal is not None and not mission.arrived
 
     def _feed(self, topic: str, payload: bytes) -> Outcome:
         try:
@@ -144,13 +160,12 @@ class Controller:
         return status.engaged and now_s >= self._disobeyed_until_s
 
     def _facts(self, now_s: float) -> Facts:
-        mission = self.core.pipeline.mission
         status = self.link.status
         return Facts(
             inputs_heard=self._watchdog.all_heard and status.message_age_s < math.inf,
             inputs_fresh=not self._watchdog.stale and status.connected,
             may_drive=self._may_drive(now_s),
             fault=self._fault,
-            has_goal=mission.goal is not None and not mission.arrived,
+            has_goal=self._has_goal,
             warned=self.health.warned(now_s),
         )

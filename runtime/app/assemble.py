@@ -1,0 +1,39 @@
+"""Puts the parts of one vessel's runtime together from its configuration."""
+
+from __future__ import annotations
+
+from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.controller import Controller
+from twinscrew.runtime.app.core import Core
+from twinscrew.runtime.app.mission import Mission
+from twinscrew.runtime.app.pipeline import Pipeline
+from twinscrew.runtime.link.autopilot import AutopilotLink
+from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.perception.stage import Perception
+from twinscrew.runtime.policy.load import load_policy
+from twinscrew.runtime.safety.guard import Guard
+from twinscrew.runtime.tracking.tracker import Tracker
+
+
+def make_core(config: RuntimeConfig) -> Core:
+    """Make the core: sensor, perception, tracker, policy, mission.
+
+    Raises
+    ------
+    ConfigError, PolicyError
+        Something configured does not exist or cannot be used: before anything moves.
+    """
+    pipeline = Pipeline(
+        perception=Perception(load_sensor(config.sensor), config.perception),
+        tracker=Tracker(config.tracking),
+        policy=load_policy(config.policy),
+        mission=Mission(config.mission),
+        guard=Guard(config.thrust),
+        observation=config.observation,
+    )
+    return Core(pipeline, config.odometry)
+
+
+def make_controller(config: RuntimeConfig) -> Controller:
+    """Make everything of a vessel's runtime but its sockets and its clock."""
+    return Controller(make_core(config), AutopilotLink(config.autopilot))

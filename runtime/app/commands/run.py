@@ -1,0 +1,35 @@
+"""`twinscrew run`: one vessel's runtime, as it is deployed on the boat."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from twinscrew.runtime.app.config import RuntimeConfig, load_config
+
+
+def run(
+    config: Annotated[Path, typer.Option(help="The vessel's TOML file; see config/runtime.toml.")],
+) -> None:
+    """Run one vessel's runtime until it is told to stop (SIGINT or SIGTERM)."""
+    settings = load_config(config)
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    sail(settings, stop, source=config)
+
+
+def sail(config: RuntimeConfig, stop: threading.Event, *, source: Path) -> None:
+    """Open everything, loop until `stop` is set, close everything, and write the summary."""
+    from twinscrew.runtime.app.session import Session
+
+    with Session(config, source=source) as session:
+        print(f"{config.name}: running", file=sys.stderr, flush=True)
+        session.loop.run(stop.is_set)
+    summary = session.write_summary()
+    print(f"{config.name}: {summary.decisions} decisions, stopped", file=sys.stderr, flush=True)

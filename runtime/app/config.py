@@ -1,0 +1,52 @@
+"""The runtime's configuration: every stage's settings in one file, complete without any.
+
+config/runtime.toml shows every key with its default, unit and meaning.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from twinscrew.runtime.app.mission import MissionSettings
+from twinscrew.runtime.app.odometry_buffer import OdometryBufferSettings
+from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.perception.settings import PerceptionSettings
+from twinscrew.runtime.policy.observation import ObservationSettings
+from twinscrew.runtime.safety.guard import ThrustLimits
+from twinscrew.runtime.settings import Positive, Settings, load
+from twinscrew.runtime.tracking.tracker import TrackerSettings
+
+
+class RecordingSettings(Settings, frozen=True):
+    """What is kept of a run."""
+
+    folder: str = ""
+    """Where the recording (rosbag2, MCAP) and the summary go; empty: nothing is kept."""
+
+
+class RuntimeConfig(Settings, frozen=True):
+    """One vessel's runtime."""
+
+    name: str = "wamv"
+    """The vessel's namespace: its topics are `<name>/sensors/...`."""
+    sensor: str = "vrx32"
+    """The LiDAR: a name in config/sensors, or a file."""
+    policy: str = "ac_iqn"
+    """A name in config/policies, an ONNX file, "apf" or "mpc"."""
+    command_rate_hz: Positive = 20.0
+    """[Hz] The thrust is re-sent this often (parameters.md: 20 Hz)."""
+    thrust: ThrustLimits = ThrustLimits()
+    mission: MissionSettings = MissionSettings()
+    perception: PerceptionSettings = PerceptionSettings()
+    tracking: TrackerSettings = TrackerSettings()
+    observation: ObservationSettings = ObservationSettings()
+    odometry: OdometryBufferSettings = OdometryBufferSettings()
+    bus: ZenohSettings = ZenohSettings()
+    autopilot: AutopilotSettings = AutopilotSettings()
+    recording: RecordingSettings = RecordingSettings()
+
+
+def load_config(path: Path) -> RuntimeConfig:
+    """Read a runtime's configuration; a `ConfigError` names file, key, value and what is allowed."""
+    return load(path, RuntimeConfig)

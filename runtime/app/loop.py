@@ -1,0 +1,116 @@
+"""The real-time loop of one vessel: take in, compute, guard, publish, keep time.
+
+Scans are worked on as they come; the thrust is re-sent, the inputs' ages are checked and the
+autopilot is heard on a fixed grid of ticks that does not drift. The loop itself sends the
+heartbeat: if it dies, the autopilot's failsafe stops the boat.
+"""
+
+from __future__ import annotations
+
+import gc
+import time
+from collections.abc import Callable
+
+from twinscrew.runtime.app.controller import Controller
+from twinscrew.runtime.app.latency import Latencies
+from twinscrew.runtime.app.outlet import Outlet
+from twinscrew.runtime.bus.base import Received
+from twinscrew.runtime.bus.inbox import Inbox
+from twinscrew.runtime.errors import LinkError
+from twinscrew.runtime.link.transport import Transport
+from twinscrew.runtime.safety.events import LINK_DOWN, OVERRUN
+
+NANOSECONDS_PER_MS = 1e6
+OVERRUN_MS = 100.0
+"""[ms] A decision later than this misses the next scan of a 10 Hz LiDAR."""
+
+
+class Loop:
+    """One vessel, in real time."""
+
+    def __init__(
+        self,
+        controller: Controller,
+        inbox: Inbox,
+        transport: Transport,
+        outlet: Outlet,
+        *,
+        rate_hz: float,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.latencies = Latencies()
+        self.overruns = 0
+        self._controller = controller
+        self._inbox = inbox
+        self._transport = transport
+        self._outlet = outlet
+        self._period_s = 1.0 / rate_hz
+        self._clock = clock
+        self._next_tick_s = clock()
+        self._link_is_down = False
+
+    def run(self, stop: Callable[[], bool]) -> None:
+        """Work until `stop` says so, then leave the propellers at rest."""
+        gc.collect()
+        gc.freeze()  # what start-up made is never looked at again
+        while not stop():
+            for message in self._inbox.wait(self._next_tick_s - self._clock()):
+                self._compute(message)
+            if self._clock() >= self._next_tick_s:
+                self._tick()
+        self._rest()
+
+    def _compute(self, message: Received) -> None:
+        self._outlet.record(message.topic, message.payload)
+        handled = self._controller.take_in(message.topic, message.payload, self._clock())
+        if handled.decision is not None:
+            self._send(self._controller.command(self._clock()))
+            self._note_latency(message.received_ns)
+            self._outlet.decided(handled.decision, self._controller.thrust)
+        self._outlet.happened(handled.events)
+
+    def _tick(self) -> None:
+        now_s = self._clock()
+        self._keep_time(now_s)
+        self._controller.from_autopilot(self._receive(), now_s)
+        engagement, events = self._controller.supervise(now_s)
+        if engagement is not None:
+            self._outlet.record("engagement", engagement)
+            self._controller.take_in("engagement", engagement, now_s)
+        self._send(self._controller.command(now_s))
+        self._outlet.happened(events)
+        self._outlet.thrust(self._controller.thrust)
+
+    def _keep_time(self, now_s: float) -> None:
+        self._next_tick_s += self._period_s
+        if self._next_tick_s <= now_s:  # late by a whole tick: drop it, keep the grid
+            behind = int((now_s - self._next_tick_s) / self._period_s) + 1
+            self._next_tick_s += behind * self._period_s
+
+    def _note_latency(self, received_ns: int) -> None:
+        latency_ms = (time.monotonic_ns() - received_ns) / NANOSECONDS_PER_MS
+        self.latencies.add(latency_ms)
+        if latency_ms > OVERRUN_MS:
+            self.overruns += 1
+            self._outlet.happened((OVERRUN.at(self._controller.stamp_ns, f"{latency_ms:.0f} ms"),))
+
+    def _receive(self) -> bytes:
+        try:
+            return self._transport.receive()
+        except LinkError as error:
+            self._down(error)
+            return b""
+
+    def _send(self, data: bytes) -> None:
+        try:
+            self._transport.send(data)
+        except LinkError as error:
+            self._down(error)
+
+    def _down(self, error: LinkError) -> None:
+        if not self._link_is_down:
+            self._link_is_down = True
+            self._outlet.happened((LINK_DOWN.at(self._controller.stamp_ns, str(error)),))
+
+    def _rest(self) -> None:
+        self._send(self._controller.rest(self._clock()))

@@ -1,0 +1,79 @@
+"""Where everything that a vessel's runtime tells goes: the bus, the recorder, the hash."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable
+
+from twinscrew.runtime.app.recorder import Recorder
+from twinscrew.runtime.bus.base import Bus
+from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.types import Decision, Float64, HealthEvent
+
+
+class Outlet:
+    """Publishes and records; counts and hashes the decisions."""
+
+    def __init__(
+        self,
+        bus: Bus | None,
+        recorder: Recorder | None,
+        *,
+        vessel: str = "",
+        clock_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        """Tell things to a bus and a recorder, either of which may be missing.
+
+        Parameters
+        ----------
+        vessel
+            Whose health events these are.
+        clock_ns
+            [ns] Gives the recording's log times; replays do not depend on them.
+        """
+        self.decisions = 0
+        self._bus = bus
+        self._recorder = recorder
+        self._vessel = vessel
+        self._clock_ns = clock_ns
+        self._digest = hashlib.sha256()
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 over the encoded decisions so far."""
+        return self._digest.hexdigest()
+
+    def record(self, topic: str, payload: bytes) -> None:
+        """Keep a core input, before the core gets it."""
+        if self._recorder is not None:
+            self._recorder.record(topic, payload, self._clock_ns())
+
+    def decided(self, decision: Decision, thrust: Float64) -> None:
+        """Tell a decision, what it was made of, and the thrust."""
+        payload = cdr.encode_decision(decision)
+        self._digest.update(payload)
+        self.decisions += 1
+        self._tell("decision", payload)
+        self._tell("objects", cdr.encode_object_markers(decision.objects))
+        self._tell("tracks", cdr.encode_track_markers(decision.tracks))
+        self.thrust(thrust)
+
+    def happened(self, events: tuple[HealthEvent, ...]) -> None:
+        """Tell health events."""
+        if events:
+            stamp_ns = max(event.stamp_ns for event in events)
+            payload = cdr.encode_diagnostics(events, stamp_ns=stamp_ns, hardware_id=self._vessel)
+            self._tell("diagnostics", payload)
+
+    def thrust(self, thrust: Float64) -> None:
+        """Tell what the propellers are asked for: a VRX takes it from here."""
+        left, right = (float(side) for side in thrust)
+        self._tell("thrust_left", cdr.encode_thrust(left))
+        self._tell("thrust_right", cdr.encode_thrust(right))
+
+    def _tell(self, topic: str, payload: bytes) -> None:
+        if self._bus is not None:
+            self._bus.publish(topic, payload)
+        if self._recorder is not None:
+            self._recorder.record(topic, payload, self._clock_ns())

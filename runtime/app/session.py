@@ -1,0 +1,118 @@
+"""One run of a vessel's runtime: opens everything, closes everything, writes the summary."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import msgspec
+
+from twinscrew.runtime.app.assemble import make_controller
+from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.loop import Loop
+from twinscrew.runtime.app.outlet import Outlet
+from twinscrew.runtime.app.recorder import Recorder
+from twinscrew.runtime.bus.inbox import Inbox
+from twinscrew.runtime.bus.zenoh import ZenohBus
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.link.transport import open_transport
+from twinscrew.runtime.policy.base import Policy
+
+INPUTS = ("points", "odometry", "goal")
+SUMMARY_FILE = "runtime.json"
+
+
+class RunSummary(msgspec.Struct, frozen=True, kw_only=True):
+    """What a runtime says of itself when it stops."""
+
+    name: str
+    decisions: int
+    decisions_sha256: str
+    latency_ms: dict[str, float]
+    """From a scan's arrival to the MAVLink bytes on the socket."""
+    overruns: int
+    passed_over: dict[str, int]
+    """Messages that newer ones replaced before they were read."""
+    unrecorded: int
+    """Messages that the recorder had to drop."""
+
+
+def metadata_of(config: RuntimeConfig, policy: Policy) -> dict[str, Any]:
+    """Give what a replay must know: the configuration, and the policy's hash (if it is a file)."""
+    return {
+        "config": msgspec.to_builtins(config),
+        "policy_sha256": getattr(policy, "sha256", ""),
+    }
+
+
+class Session:
+    """A context: everything is open inside it."""
+
+    def __init__(self, config: RuntimeConfig, *, source: Path) -> None:
+        self._config = config
+        self._source = source
+        self._folder = Path(config.recording.folder) if config.recording.folder else None
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        try:
+            self._open()
+        except BaseException:
+            self._stack.close()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._stack.close()
+
+    def write_summary(self) -> RunSummary:
+        """Write what happened beside the recording, and give it."""
+        latency = self.loop.latencies.summary()
+        summary = RunSummary(
+            name=self._config.name,
+            decisions=self._outlet.decisions,
+            decisions_sha256=self._outlet.sha256,
+            latency_ms={"p50": latency.p50, "p99": latency.p99, "max": latency.max},
+            overruns=self.loop.overruns,
+            passed_over=dict(self._inbox.passed_over),
+            unrecorded=self._recorder.dropped if self._recorder else 0,
+        )
+        if self._folder is not None:
+            content = msgspec.json.format(msgspec.json.encode(summary))
+            (self._folder / SUMMARY_FILE).write_bytes(content + b"\n")
+        return summary
+
+    def _open(self) -> None:
+        config = self._config
+        transport = self._stack.enter_context(open_transport(config.autopilot.connection))
+        controller = make_controller(config)
+        bus = ZenohBus(config.bus, config.name)
+        self._stack.callback(bus.close)
+        self._recorder = self._open_recorder(controller.core.pipeline.policy)
+        self._outlet = Outlet(bus, self._recorder, vessel=config.name)
+        self._inbox = Inbox()
+        self._inbox.listen(bus, INPUTS)
+        self.loop = Loop(
+            controller, self._inbox, transport, self._outlet, rate_hz=config.command_rate_hz
+        )
+
+    def _open_recorder(self, policy: Policy) -> Recorder | None:
+        if self._folder is None:
+            return None
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(
+                f"{self._folder}: {error.strerror}", file=self._source, key="recording.folder"
+            ) from error
+        metadata = metadata_of(self._config, policy)
+        return self._stack.enter_context(
+            Recorder(self._folder / "recording", self._config.name, metadata)
+        )
