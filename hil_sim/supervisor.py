@@ -1,0 +1,132 @@
+"""Who reached the goal, collided, or ran out of time: the paper's experiments, in simulation time.
+
+A vessel's outcome is final. Vessels that touch while under way both have a collision; one that has
+already arrived keeps its goal if it is hit, and the other has the collision.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Literal
+
+import numpy as np
+
+from twinscrew.hil_sim.world import World
+from twinscrew.runtime.messages.types import Float64
+from twinscrew.runtime.settings import Settings
+
+
+class Outcome(Enum):
+    """How a vessel's voyage ended."""
+
+    GOAL = "goal"
+    COLLISION = "collision"
+    TIMEOUT = "timeout"
+
+
+class SupervisorSettings(Settings, frozen=True, kw_only=True):
+    """What becomes of a vessel whose voyage has ended."""
+
+    after_goal: Literal["hold", "vanish"] = "hold"
+    """Hold it at its goal, where others must keep clear of it; or take it off the map, as in
+    training."""
+    after_collision: Literal["vanish", "stop"] = "vanish"
+    """Take it off the map, as in training; or hold it where it is, a wreck in the others' way."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Result:
+    """How one vessel fared."""
+
+    name: str
+    outcome: Outcome | None
+    """None while it is under way."""
+    travel_time_s: float
+    """[s] Simulation time from the beginning to the outcome, or to now."""
+    closest_approach_m: float
+    """[m] Least distance to another's surface while under way; infinite if there is no other."""
+
+
+class Supervisor:
+    """Watches a world, step by step."""
+
+    def __init__(self, world: World, settings: SupervisorSettings | None = None) -> None:
+        """Begin now, with every vessel under way."""
+        self.world = world
+        self._begin_s = world.time_s
+        self.settings = settings or SupervisorSettings()
+        count = world.scenario.vessels
+        self.outcomes: list[Outcome | None] = [None] * count
+        self._ended_s = np.zeros(count)
+
+    @property
+    def elapsed_s(self) -> float:
+        """[s] Simulation time since the beginning."""
+        return self.world.time_s - self._begin_s
+
+    @property
+    def over(self) -> bool:
+        """True when every vessel has an outcome."""
+        return None not in self.outcomes
+
+    @property
+    def success(self) -> bool:
+        """True when every vessel has reached its goal."""
+        return all(outcome is Outcome.GOAL for outcome in self.outcomes)
+
+    def advance(self, duration_s: float, commands: Float64) -> None:
+        """Move the world on under held commands (V, 2) [N], judging after every step.
+
+        It stops early when the last vessel's outcome is known.
+        """
+        for _ in range(self.world.steps_in(duration_s)):
+            if self.over:
+                return
+            self.world.step(commands)
+            self.judge()
+
+    def judge(self) -> None:
+        """Give outcomes for what the world's last step has done: collision, goal, time-out."""
+        world, scenario = self.world, self.world.scenario
+        touching = world.gaps.min(axis=1, initial=np.inf) <= 0.0
+        to_goal = np.linalg.norm(world.state.position_N[:, :2] - scenario.goals, axis=1)
+        for vessel, outcome in enumerate(self.outcomes):
+            if outcome is not None:
+                continue
+            if touching[vessel]:
+                self._end(vessel, Outcome.COLLISION)
+            elif to_goal[vessel] <= scenario.goal_radius:
+                self._end(vessel, Outcome.GOAL)
+            elif self.elapsed_s >= scenario.time_limit_s:
+                self._end(vessel, Outcome.TIMEOUT)
+
+    def results(self) -> tuple[Result, ...]:
+        """Give how every vessel has fared until now."""
+        closest = self.world.closest_approach
+        return tuple(
+            Result(
+                name=name,
+                outcome=self.outcomes[i],
+                travel_time_s=float(self._ended_s[i]) if self.outcomes[i] else self.elapsed_s,
+                closest_approach_m=float(closest[i]),
+            )
+            for i, name in enumerate(self.world.scenario.names)
+        )
+
+    def _end(self, vessel: int, outcome: Outcome) -> None:
+        self.outcomes[vessel] = outcome
+        self._ended_s[vessel] = self.elapsed_s
+        place_N = self.world.state.position_N[vessel, :2]
+        if outcome is Outcome.GOAL:
+            self._retire(vessel, self.settings.after_goal, self.world.scenario.goals[vessel])
+        elif outcome is Outcome.COLLISION:
+            self._retire(vessel, self.settings.after_collision, place_N)
+        else:
+            self._retire(vessel, "stop", place_N)
+
+    def _retire(self, vessel: int, how: str, mooring_N: Float64) -> None:
+        if how == "vanish":
+            self.world.remove(vessel)
+        else:
+            self.world.moor(vessel, mooring_N)

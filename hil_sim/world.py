@@ -1,0 +1,204 @@
+"""Everything that moves: vessels in the sea, what their sensors say, how near they came.
+
+The world does what it is told: who arrived, collided or ran out of time is the supervisor's to say.
+Its time is an integer count of steps, so that it never drifts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.random import Generator, SeedSequence
+from numpy.typing import NDArray
+from twinscrew.hil_sim.vessel.step import rotation
+
+from twinscrew.hil_sim import contacts, odometry, scene
+from twinscrew.hil_sim.contacts import Obstacles
+from twinscrew.hil_sim.lidar import Bodies, Lidar, LidarSettings, Scan
+from twinscrew.hil_sim.mooring import moor
+from twinscrew.hil_sim.odometry import OdometrySettings
+from twinscrew.hil_sim.scenario import Scenario
+from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
+from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, VesselDynamics
+from twinscrew.hil_sim.vessel.parameters import VesselParameters, load_vessel
+from twinscrew.hil_sim.vessel.state import VesselState
+from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Odometry, PointCloud
+from twinscrew.runtime.perception.sensor import Sensor, load_sensor
+from twinscrew.runtime.settings import Positive, Settings, load, shipped
+
+EPOCH_NS = 1_735_689_600 * NANOSECONDS_PER_SECOND
+"""[ns] When a simulation begins, unless told otherwise: 2025-01-01 00:00 UTC."""
+
+
+class WorldSettings(Settings, frozen=True, kw_only=True):
+    """How the world is simulated. The defaults are the paper's experiments."""
+
+    dynamics: DynamicsSettings = DynamicsSettings()
+    lidar: LidarSettings = LidarSettings()
+    odometry: OdometrySettings = OdometrySettings()
+    mooring_radps: Positive = 0.5
+    """[rad/s] Frequency of a mooring. It brakes 3.3 m/s with 3.3 m/s2 at first: what both
+    propellers do full astern (1000 N on 300 kg)."""
+
+
+class World:
+    """Vessels, buoys and quays of a scenario in a sea, fully determined by the seed."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        sensor: Sensor,
+        parameters: VesselParameters,
+        sea: SeaSettings,
+        seed: int,
+        *,
+        settings: WorldSettings | None = None,
+        epoch_ns: int = EPOCH_NS,
+    ) -> None:
+        """Put everything at its start, at rest, at time `epoch_ns`."""
+        self.scenario = scenario
+        self.parameters = parameters
+        self.settings = settings or WorldSettings()
+        self.epoch_ns = epoch_ns
+        self.step_ns = round(self.settings.dynamics.step_s * NANOSECONDS_PER_SECOND)
+        self.steps = 0
+        # One independent stream a use: the sea, then each vessel's LiDAR and odometry.
+        for_sea, *for_vessels = SeedSequence(seed).spawn(1 + scenario.vessels)
+        self.sea = Sea(sea, np.random.default_rng(for_sea))
+        streams = [[np.random.default_rng(s) for s in v.spawn(2)] for v in for_vessels]
+        self._lidar_rng: list[Generator] = [pair[0] for pair in streams]
+        self._odometry_rng: list[Generator] = [pair[1] for pair in streams]
+        self._dynamics = VesselDynamics(parameters, self.settings.dynamics)
+        self._lidar = Lidar(sensor, self.settings.lidar, scene.shapes(scenario))
+        self._obstacles = Obstacles(circles=scenario.buoys, boxes=scenario.quays)
+        self.state = scene.at_rest(scenario, self._dynamics)
+        self.present: NDArray[np.bool_] = np.ones(scenario.vessels, dtype=np.bool_)
+        self.moored: NDArray[np.bool_] = np.zeros(scenario.vessels, dtype=np.bool_)
+        self._moorings_N = scenario.goals.copy()
+        self._closest = np.full(scenario.vessels, np.inf)
+        self._bodies: tuple[int, Bodies] | None = None
+        self._measure_gaps()
+
+    @property
+    def time_s(self) -> float:
+        """[s] Since the beginning."""
+        return self.steps * self.step_ns / NANOSECONDS_PER_SECOND
+
+    @property
+    def stamp_ns(self) -> int:
+        """[ns] Now."""
+        return self.epoch_ns + self.steps * self.step_ns
+
+    @property
+    def step_s(self) -> float:
+        """[s] Length of one step."""
+        return self.step_ns / NANOSECONDS_PER_SECOND
+
+    @property
+    def gaps(self) -> Float64:
+        """[m] (V, V + B + Q) Distances between surfaces now, see `contacts.gaps`."""
+        return self._gaps
+
+    @property
+    def closest_approach(self) -> Float64:
+        """[m] (V,) Least gap while under way so far: negative after a collision."""
+        return self._closest.copy()
+
+    def step(self, commands: Float64) -> None:
+        """Move everything on by one step, under thrust commands (V, 2) [N], left and right."""
+        self._step(self._checked(commands))
+
+    def advance(self, duration_s: float, commands: Float64) -> None:
+        """Move everything on by a whole number of steps, under held commands (V, 2) [N]."""
+        commands = self._checked(commands)
+        for _ in range(self.steps_in(duration_s)):
+            self._step(commands)
+
+    def steps_in(self, duration_s: float) -> int:
+        """Give how many steps a duration is; a ValueError if it is not a whole number."""
+        steps = duration_s / self.step_s
+        if not np.isfinite(steps) or steps < 0 or abs(steps - round(steps)) > 1e-6:
+            raise ValueError(f"{duration_s} s is no whole number of steps of {self.step_s} s")
+        return round(steps)
+
+    def moor(self, vessel: int, mooring_N: Float64) -> None:
+        """Hold a vessel at a place, (2,) [m], from now on; its commands no longer count."""
+        self.moored[vessel] = True
+        self._moorings_N[vessel] = mooring_N
+
+    def release(self, vessel: int) -> None:
+        """Let go of a moored vessel."""
+        self.moored[vessel] = False
+
+    def remove(self, vessel: int) -> None:
+        """Take a vessel off the map: nobody sees or touches it any more."""
+        self.present[vessel] = False
+        self._bodies = None
+
+    def odometry(self, vessel: int) -> Odometry:
+        """Give a vessel's odometry now."""
+        rng = self._odometry_rng[vessel]
+        return odometry.measure(self.state, vessel, self.stamp_ns, self.settings.odometry, rng)
+
+    def cloud(self, vessel: int) -> PointCloud:
+        """Give a vessel's LiDAR scan now."""
+        return self.scan(vessel).cloud
+
+    def scan(self, vessel: int) -> Scan:
+        """Give a vessel's LiDAR scan now, with the truth: rows are vessels, buoys, then quays."""
+        return self._lidar.scan(self.bodies(), vessel, self.stamp_ns, self._lidar_rng[vessel])
+
+    def bodies(self) -> Bodies:
+        """Give everything that can be seen now: vessels, buoys, then the quays as one body."""
+        if self._bodies is None or self._bodies[0] != self.steps:
+            bodies = scene.bodies(self.scenario, self.state, self.present, self.sea, self.time_s)
+            self._bodies = self.steps, bodies
+        return self._bodies[1]
+
+    def _checked(self, commands: Float64) -> Float64:
+        commands = np.asarray(commands, dtype=np.float64)
+        if commands.shape != (self.scenario.vessels, 2) or not np.isfinite(commands).all():
+            raise ValueError(f"commands must be {self.scenario.vessels} pairs of finite numbers")
+        limit = self.scenario.thrust_limits[:, None]
+        return np.clip(commands, -limit, limit)
+
+    def _step(self, commands: Float64) -> None:
+        free = self.present & ~self.moored
+        state = self._dynamics.step(
+            self.state, commands * free[:, None], self.sea, self.time_s, self.step_s
+        )
+        if self.moored.any():
+            w = self.settings.mooring_radps
+            R_NB = rotation(state.q_NB)
+            state = moor(state, R_NB, self.moored, self._moorings_N, w, self.step_s)
+        self.state: VesselState = state
+        self.steps += 1
+        self._measure_gaps()
+
+    def _measure_gaps(self) -> None:
+        position_N, radius = self.state.position_N[:, :2], self.parameters.collision_radius_m
+        self._gaps = contacts.gaps(position_N, radius, self.present, self._obstacles)
+        nearest = self._gaps.min(axis=1, initial=np.inf)
+        under_way = self.present & ~self.moored
+        self._closest[under_way] = np.minimum(self._closest, nearest)[under_way]
+
+
+def make_world(
+    scenario: Scenario,
+    *,
+    sensor: str = "vrx32",
+    vessel: str = "wam_v",
+    seed: int = 0,
+    settings: WorldSettings | None = None,
+    epoch_ns: int = EPOCH_NS,
+) -> World:
+    """Make the world of a scenario from names of shipped sensors, vessels and seas."""
+    sea = load(shipped("sea", scenario.sea), SeaSettings)
+    return World(
+        scenario,
+        load_sensor(sensor),
+        load_vessel(vessel),
+        sea,
+        seed,
+        settings=settings,
+        epoch_ns=epoch_ns,
+    )
