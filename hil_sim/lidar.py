@@ -24,6 +24,8 @@ WATER = -1
 """The object number of an echo from the water."""
 NOTHING = -2
 """The object number of a ray without an echo, in an organised cloud."""
+ABSENT = -1
+"""The shape number of a body that is not there."""
 
 
 class LidarSettings(Settings, frozen=True, kw_only=True):
@@ -50,7 +52,7 @@ class Bodies:
     """Everything a LiDAR can see, at one moment."""
 
     shape: NDArray[np.int32]
-    """(K,) Number of each body's shape."""
+    """(K,) Number of each body's shape, or `ABSENT`."""
     position_N: Float64
     """[m] [N] (K, 3)"""
     R_NB: Float64

@@ -121,7 +121,8 @@ def _clear(candidates: Float64, others: Float64, gap: float) -> NDArray[np.bool_
     """Tell which candidates, (n, 2), lie at least `gap` from all others, (m, 2)."""
     offset = candidates[:, None] - others[None]
     crowded: NDArray[np.bool_] = np.hypot(offset[..., 0], offset[..., 1]) < gap
-    return ~crowded.any(axis=1)
+    clear: NDArray[np.bool_] = np.logical_not(crowded.any(axis=1))
+    return clear
 
 
 def _first(fits: NDArray[np.bool_]) -> int:

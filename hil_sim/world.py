@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
-from twinscrew.hil_sim.vessel.step import rotation
 
 from twinscrew.hil_sim import contacts, odometry, scene
 from twinscrew.hil_sim.contacts import Obstacles
@@ -20,7 +19,6 @@ from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
 from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, VesselDynamics
 from twinscrew.hil_sim.vessel.parameters import VesselParameters, load_vessel
-from twinscrew.hil_sim.vessel.state import VesselState
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Odometry, PointCloud
 from twinscrew.runtime.perception.sensor import Sensor, load_sensor
 from twinscrew.runtime.settings import Positive, Settings, load, shipped
@@ -70,7 +68,7 @@ class World:
         self._dynamics = VesselDynamics(parameters, self.settings.dynamics)
         self._lidar = Lidar(sensor, self.settings.lidar, scene.shapes(scenario))
         self._obstacles = Obstacles(circles=scenario.buoys, boxes=scenario.quays)
-        self.state = scene.at_rest(scenario, self._dynamics)
+        self.state = scene.at_rest(scenario)
         self.present: NDArray[np.bool_] = np.ones(scenario.vessels, dtype=np.bool_)
         self.moored: NDArray[np.bool_] = np.zeros(scenario.vessels, dtype=np.bool_)
         self._moorings_N = scenario.goals.copy()
@@ -168,9 +166,9 @@ class World:
         )
         if self.moored.any():
             w = self.settings.mooring_radps
-            R_NB = rotation(state.q_NB)
+            R_NB = scene.rotations(state.q_NB)
             state = moor(state, R_NB, self.moored, self._moorings_N, w, self.step_s)
-        self.state: VesselState = state
+        self.state = state
         self.steps += 1
         self._measure_gaps()
 

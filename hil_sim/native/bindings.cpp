@@ -80,14 +80,14 @@ std::size_t cast(Caster& caster, Array<const double, 3> p_NS, Array<const double
   const std::size_t beams = caster.beams().rows() * caster.beams().columns();
   require(p_NO.shape(0) == count && R_NO.shape(0) == count && water_z.size() == count,
           "shapes, p_NO, R_NO and water_z must have the same length");
+  require(own < count, "own must be the number of a body");
   require(beam.size() == beams && distance.size() == beams && body.size() == beams,
           "beam, distance and body must have one element a beam");
   require(finite(p_NS) && finite(R_NS) && finite(p_NO) && finite(R_NO), "poses must be finite");
   std::vector<Body> bodies;
   for (std::size_t i = 0; i < count; ++i) {
-    const auto shape = static_cast<std::size_t>(shapes(i));
-    require(shape < caster.shapes(), "no such shape");
-    bodies.push_back({shape, pose(R_NO.data() + 9 * i, p_NO.data() + 3 * i), water_z(i)});
+    require(shapes(i) < static_cast<std::int64_t>(caster.shapes()), "no such shape");
+    bodies.push_back({shapes(i), pose(R_NO.data() + 9 * i, p_NO.data() + 3 * i), water_z(i)});
   }
   Echoes echoes{span(beam), span(distance), span(body)};
   const nb::gil_scoped_release release;

@@ -46,11 +46,13 @@ std::size_t Caster::cast(const Pose& X_NS, std::span<const Body> bodies, std::si
   const Pose X_SN = inverse(X_NS);
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const Body& body = bodies[i];
+    if (i == own || body.shape < 0) continue;
+    const auto shape = static_cast<std::size_t>(body.shape);
     const Placed placed{compose(X_SN, body.X_NO), row(X_NS.R, 2), body.water_z - X_NS.p[2],
                         static_cast<std::int32_t>(i)};
     const double distance = std::sqrt(dot(placed.X_SO.p, placed.X_SO.p));
-    if (i == own || distance - radius_[body.shape] > range_max_) continue;
-    for (const Solid& solid : shapes_[body.shape]) draw(solid, placed);
+    if (distance - radius_[shape] > range_max_) continue;
+    for (const Solid& solid : shapes_[shape]) draw(solid, placed);
   }
   return collect(out);
 }

@@ -14,7 +14,7 @@ using Shape = std::vector<Solid>;
 
 /// A thing in the world: which shape, where, and the height of the water around it.
 struct Body {
-  std::size_t shape;
+  std::int32_t shape;  // negative: not there
   Pose X_NO;
   double water_z;  // [m] down; what lies deeper is hidden by the water
 };

@@ -1,0 +1,78 @@
+"""From a scenario and a moment to what a LiDAR sees, and to where the vessels start."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twinscrew.hil_sim.buoys import floating
+from twinscrew.hil_sim.lidar import ABSENT, Bodies
+from twinscrew.hil_sim.scenario import Scenario
+from twinscrew.hil_sim.sea.sea import Sea
+from twinscrew.hil_sim.shapes import Shape, boxes_shape, load_shape
+from twinscrew.hil_sim.vessel.state import VesselState, level_quaternion
+from twinscrew.runtime.messages.types import Float64
+
+VESSEL, BUOY, QUAYS = 0, 1, 2
+"""Numbers of the shapes."""
+QUAY_DRAUGHT = 2.0
+"""[m] How far a quay reaches below the water at rest: deeper than any trough."""
+
+
+def shapes(scenario: Scenario) -> tuple[Shape, ...]:
+    """Give the shapes of everything in a scenario, in the order of their numbers."""
+    fixed = load_shape("wam_v_shape"), load_shape("light_buoy_shape")
+    return (*fixed, _quays(scenario.quays)) if len(scenario.quays) else fixed
+
+
+def bodies(
+    scenario: Scenario, state: VesselState, present: NDArray[np.bool_], sea: Sea, time_s: float
+) -> Bodies:
+    """Give everything that can be seen: vessels, buoys, then all quays as one body."""
+    B, Q = len(scenario.buoys), int(len(scenario.quays) > 0)
+    vessels = np.where(present, VESSEL, ABSENT)
+    shape = np.concatenate([vessels, np.full(B, BUOY), np.full(Q, QUAYS)]).astype(np.int32)
+    afloat = floating(scenario.buoys[:, :2], sea, time_s)
+    upright = np.broadcast_to(np.eye(3), (B + Q, 3, 3))
+    return Bodies(
+        shape=shape,
+        position_N=np.concatenate([state.position_N, afloat, np.zeros((Q, 3))]),
+        R_NB=np.concatenate([rotations(state.q_NB), upright]),
+        water_z=np.concatenate(
+            [-sea.elevation(state.position_N[:, :2], time_s), afloat[:, 2], np.zeros(Q)]
+        ),
+    )
+
+
+def at_rest(scenario: Scenario) -> VesselState:
+    """Give the vessels at their starts, still, on an even keel, propellers off."""
+    count = scenario.vessels
+    return VesselState(
+        position_N=np.column_stack([scenario.starts[:, :2], np.zeros(count)]),
+        q_NB=level_quaternion(scenario.starts[:, 2]),
+        velocity_B=np.zeros((count, 3)),
+        rates_B=np.zeros((count, 3)),
+        thrust=np.zeros((count, 2)),
+    )
+
+
+def rotations(q_NB: Float64) -> Float64:
+    """Give R_NB, (V, 3, 3), of unit quaternions, (V, 4). Fossen (2021), eq. 2.72."""
+    w, x, y, z = q_NB.T
+    R = np.empty((len(q_NB), 3, 3))
+    R[:, 0, 0], R[:, 1, 1] = 1 - 2 * (y * y + z * z), 1 - 2 * (x * x + z * z)
+    R[:, 2, 2] = 1 - 2 * (x * x + y * y)
+    R[:, 0, 1], R[:, 1, 0] = 2 * (x * y - z * w), 2 * (x * y + z * w)
+    R[:, 0, 2], R[:, 2, 0] = 2 * (x * z + y * w), 2 * (x * z - y * w)
+    R[:, 1, 2], R[:, 2, 1] = 2 * (y * z - x * w), 2 * (y * z + x * w)
+    return R
+
+
+def _quays(quays: Float64) -> Shape:
+    north, east, length, width, height, heading = quays.T
+    depth = (QUAY_DRAUGHT - height) / 2  # down coordinate of the box's centre
+    return boxes_shape(
+        np.column_stack([north, east, depth]),
+        np.column_stack([length, width, height + QUAY_DRAUGHT]),
+        heading,
+    )
