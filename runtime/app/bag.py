@@ -149,7 +149,7 @@ class BagWriter:
         return old or file.stream.tell() > self._settings.rotate_mb * 1e6
 
     def _finish(self, file: _File) -> None:
-        file.writer.finish()
+        file.writer.finish()  # type: ignore[no-untyped-call]
         file.stream.close()
         self._closed.append(file)
 

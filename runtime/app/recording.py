@@ -11,12 +11,12 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from twinscrew.runtime.app.bag import METADATA_RECORD
 from twinscrew.runtime.app.mcap_file import BagMessage, McapFile
-from twinscrew.runtime.app.sqlite_bag import is_sqlite_bag, sqlite_messages
-from twinscrew.runtime.errors import ConfigError, RecordingError, one_of
+from twinscrew.runtime.app.sqlite_bag import SqliteBag
+from twinscrew.runtime.errors import RecordingError, one_of
 from twinscrew.runtime.messages.topics import CORE_INPUTS, TOPICS
 from twinscrew.runtime.settings import Settings, load
 
@@ -43,6 +43,20 @@ class Recorded(NamedTuple):
     """[ns] The log's time."""
 
 
+class Source(Protocol):
+    """A file or folder that messages can be read from."""
+
+    @property
+    def whole(self) -> bool:
+        """False if the file was cut off."""
+
+    def metadata(self, name: str) -> dict[str, str] | None:
+        """Give a metadata record, if there is one of that name."""
+
+    def messages(self) -> Iterator[BagMessage]:
+        """Give the messages in the order of their times."""
+
+
 @dataclass(frozen=True, slots=True)
 class Recording:
     """One vessel's recording."""
@@ -52,11 +66,14 @@ class Recording:
     vessel: str
     metadata: Mapping[str, Any]
     """What the recorder was given; empty if somebody else recorded it."""
-    whole: bool
-    """False if the recorder was killed: the end of the last file is missing."""
     names: Mapping[str, str]
-    """Names of `TOPICS` by names in the bag."""
-    files: tuple[McapFile, ...]
+    """Names of `TOPICS` by names in the bag; empty: they are guessed by name and type."""
+    sources: tuple[Source, ...]
+
+    @property
+    def whole(self) -> bool:
+        """False if the recorder was killed: the end is missing."""
+        return all(source.whole for source in self.sources)
 
     def messages(self, topics: Collection[str] = tuple(TOPICS)) -> Iterator[Recorded]:
         """Give the messages of some topics, in the order of their times.
@@ -64,24 +81,137 @@ class Recording:
         Raises
         ------
         RecordingError
-            The recording is damaged, or a topic's messages are of a wrong type.
+            The recording is damaged, holds none of the topics, or messages of a wrong type.
         """
-        for message in self._all():
-            name = self.names.get(message.name)
-            if name in topics:
-                _check_type(self.path, message, TOPICS[name].ros_type)
-                yield Recorded(name, message.payload, message.time_ns)
+        seen: dict[str, str | None] = {}
+        for source in self.sources:
+            for message in source.messages():
+                if message.name not in seen:
+                    seen[message.name] = self._name(message)
+                name = seen[message.name]
+                if name is not None and name in topics:
+                    yield Recorded(name, message.payload, message.time_ns)
+        if seen and not set(seen.values()) & set(topics):
+            what = f"none of {sorted(topics)}, only {sorted(seen)}"
+            raise RecordingError(f"{self.path}: {what}; a mapping can say what they are")
 
     def inputs(self) -> Iterator[Recorded]:
-        """Give what the core took in."""
+        """Give what the core took in; errors as `messages`."""
         return self.messages(CORE_INPUTS)
 
     def decisions(self) -> Iterator[bytes]:
-        """Give the encoded decisions."""
+        """Give the encoded decisions; errors as `messages`."""
         return (message.payload for message in self.messages(("decision",)))
 
-    def _all(self) -> Iterator[BagMessage]:
-        if not self.files:
-            yield from sqlite_messages(self.path)
-        for file in self.files:
-            yield from file.messages()
+    def _name(self, message: BagMessage) -> str | None:
+        if not self.names:
+            return _guess(message)
+        name = self.names.get(message.name)
+        if name is not None and TOPICS[name].ros_type != message.ros_type:
+            expected = TOPICS[name].ros_type
+            what = f"{message.name} holds {message.ros_type}, but {name} is {expected}"
+            raise RecordingError(f"{self.path}: {what}")
+        return name
+
+
+def find_recordings(path: Path, mapping: Path | None = None) -> list[Recording]:
+    """Find the recordings in a run's folder, a bag's folder or one file, by name.
+
+    Parameters
+    ----------
+    mapping
+        A TOML file (`TopicMapping`) for bags made elsewhere. Without it, topics of such bags are
+        recognised by the names and types of `TOPICS` under any namespace.
+
+    Raises
+    ------
+    RecordingError
+        There is none, or one of them is not a recording.
+    ConfigError
+        The mapping cannot be used.
+    """
+    names = {} if mapping is None else load(mapping, TopicMapping).topics
+    if path.is_file():
+        return [_recording(path, [path], names)]
+    if not path.is_dir():
+        raise RecordingError(f"{path}: no such file or folder")
+    files = [file for pattern in ("*.mcap", "*.db3") for file in path.rglob(pattern)]
+    if not files:
+        raise RecordingError(f"{path}: holds no recording (*.mcap, or *.db3 of a rosbag2)")
+    folders = sorted({file.parent for file in files})
+    return [
+        _recording(folder, [file for file in files if file.parent == folder], names)
+        for folder in folders
+    ]
+
+
+def read_inputs(path: Path, mapping: Path | None = None) -> Iterator[Recorded]:
+    """Give what the core took in of the only recording at a path; errors as `find_recordings`."""
+    recordings = find_recordings(path, mapping)
+    if len(recordings) > 1:
+        vessels = ", ".join(recording.vessel for recording in recordings)
+        raise RecordingError(f"{path}: holds several recordings ({vessels}): choose one")
+    return recordings[0].inputs()
+
+
+class DecisionHash:
+    """The hash of a run, made as it goes: SHA-256 over encoded decisions, each after its length."""
+
+    def __init__(self) -> None:
+        self._digest = hashlib.sha256()
+
+    def add(self, encoded: bytes) -> None:
+        """Take in the next decision."""
+        self._digest.update(len(encoded).to_bytes(8, "little"))
+        self._digest.update(encoded)
+
+    def hexdigest(self) -> str:
+        """Give the hash of what was taken in, in 64 hexadecimal digits."""
+        return self._digest.hexdigest()
+
+
+def decisions_sha256(encoded: Iterable[bytes]) -> str:
+    """Give the hash of a run's encoded decisions (`DecisionHash`)."""
+    run = DecisionHash()
+    for payload in encoded:
+        run.add(payload)
+    return run.hexdigest()
+
+
+def _recording(path: Path, files: list[Path], names: Mapping[str, str]) -> Recording:
+    sources: tuple[Source, ...]
+    if any(file.suffix == ".db3" for file in files):
+        sources = (SqliteBag(path),)
+    else:
+        sources = tuple(McapFile(file) for file in sorted(files, key=_number))
+    metadata = _metadata(path, sources[0])
+    vessel = str(metadata.get("vessel", path.stem))
+    if not names:
+        names = {ros: name for name, ros in metadata.get("topics", {}).items() if name in TOPICS}
+    return Recording(path, vessel, metadata, names, sources)
+
+
+def _metadata(path: Path, source: Source) -> dict[str, Any]:
+    try:
+        return {k: json.loads(v) for k, v in (source.metadata(METADATA_RECORD) or {}).items()}
+    except json.JSONDecodeError as error:
+        raise RecordingError(f"{path}: its metadata are damaged: {error}") from error
+
+
+def _number(file: Path) -> tuple[int, str]:
+    """Order a bag's files: rosbag2 and we end their names with a number."""
+    match = re.search(r"_(\d+)$", file.stem)
+    return (int(match[1]) if match else 0, file.name)
+
+
+def _guess(message: BagMessage) -> str | None:
+    """Recognise a topic by the end of its name and its type."""
+    return next(
+        (
+            topic.name
+            for topic in TOPICS.values()
+            if message.ros_type == topic.ros_type
+            and f"/{message.name}".endswith(f"/{topic.key.removeprefix('/')}")
+        ),
+        None,
+    )
