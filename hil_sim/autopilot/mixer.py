@@ -3,24 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from twinscrew.hil_sim.autopilot.parameters import Parameters
 
 TWO_PADDLES = 1
 """PILOT_STEER_TYPE 1: channel RCMAP_ROLL is the left paddle, RCMAP_THROTTLE the right one."""
-
-
-def paddle_outputs(channels: Sequence[int] | None, parameters: Parameters) -> tuple[int, int]:
-    """Give the left and right pulse widths [us] for channels [us]; None is neutral."""
-    if channels is None:
-        return _output(0.0, parameters, 1), _output(0.0, parameters, 3)
-    steer = _normalise(channels, int(parameters["RCMAP_ROLL"]), parameters)
-    throttle = _normalise(channels, int(parameters["RCMAP_THROTTLE"]), parameters)
-    if parameters["PILOT_STEER_TYPE"] == TWO_PADDLES:
-        left, right = steer, throttle
-    else:  # one stick steers, the other drives: the paddles become a mixture
-        left, right = throttle + steer, throttle - steer
-    return _output(left, parameters, 1), _output(right, parameters, 3)
+SERVOS = 16
+THROTTLE_LEFT, THROTTLE_RIGHT = 73, 74
+"""SERVOn_FUNCTION of the two propellers."""
 
 
 def in_uint16(pwm_us: float) -> int:
@@ -28,30 +19,74 @@ def in_uint16(pwm_us: float) -> int:
     return round(max(0.0, min(65534.0, pwm_us)))
 
 
-def _normalise(channels: Sequence[int], channel: int, parameters: Parameters) -> float:
-    """Give a channel's deflection, -1 to 1, outside its dead zone RCx_DZ."""
-    if not 1 <= channel <= len(channels) or channels[channel - 1] == 0:
-        return 0.0
-    low, trim, high, dead = _calibration("RC", channel, parameters)
-    offset = channels[channel - 1] - trim
-    if abs(offset) <= dead:
-        return 0.0
-    span = high - trim - dead if offset > 0 else trim - low - dead
-    fraction = (abs(offset) - dead) / span if span > 0 else 0.0
-    return min(1.0, fraction) * (1.0 if offset > 0 else -1.0)
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """What one channel's or output's pulse widths [us] mean."""
+
+    low: float
+    trim: float
+    high: float
+    dead: float = 0.0
+
+    @classmethod
+    def of(cls, kind: str, number: int, parameters: Parameters) -> Calibration:
+        """Read RCn_* or SERVOn_*; ArduPilot's factory values where the table has none."""
+        name = f"{kind}{number}"
+        return cls(
+            parameters.get(f"{name}_MIN", 1100),
+            parameters.get(f"{name}_TRIM", 1500),
+            parameters.get(f"{name}_MAX", 1900),
+            parameters.get(f"{name}_DZ", 0),
+        )
+
+    def fraction(self, pulse_us: float) -> float:
+        """Give a channel's deflection, -1 to 1, outside its dead zone; none without a pulse."""
+        offset = pulse_us - self.trim
+        if pulse_us == 0 or abs(offset) <= self.dead:
+            return 0.0
+        span = (self.high - self.trim if offset > 0 else self.trim - self.low) - self.dead
+        fraction = (abs(offset) - self.dead) / span if span > 0 else 0.0
+        return min(1.0, fraction) * (1.0 if offset > 0 else -1.0)
+
+    def pulse(self, fraction: float) -> int:
+        """Give an output's pulse width [us] for a fraction, -1 to 1."""
+        within = max(-1.0, min(1.0, fraction))
+        span = self.high - self.trim if within > 0 else self.trim - self.low
+        return in_uint16(self.trim + within * span)
 
 
-def _output(fraction: float, parameters: Parameters, servo: int) -> int:
-    low, trim, high, _ = _calibration("SERVO", servo, parameters)
-    fraction = max(-1.0, min(1.0, fraction))
-    return in_uint16(trim + fraction * (high - trim if fraction > 0 else trim - low))
+class Mixer:
+    """The wiring of one set of parameters."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._steer, self._throttle = (
+            int(parameters[name]) for name in ("RCMAP_ROLL", "RCMAP_THROTTLE")
+        )
+        self._steer_input = Calibration.of("RC", self._steer, parameters)
+        self._throttle_input = Calibration.of("RC", self._throttle, parameters)
+        self._two_paddles = parameters["PILOT_STEER_TYPE"] == TWO_PADDLES
+        functions = [parameters.get(f"SERVO{n}_FUNCTION", 0.0) for n in range(1, SERVOS + 1)]
+        self.functions = functions
+        """SERVOn_FUNCTION of outputs 1 to 16."""
+        self._left = self._output(THROTTLE_LEFT, parameters)
+        self._right = self._output(THROTTLE_RIGHT, parameters)
+
+    def outputs(self, channels: Sequence[int] | None) -> tuple[int, int]:
+        """Give the left and right pulse widths [us] for channels [us]; None is neutral."""
+        left, right = (0.0, 0.0) if channels is None else self._paddles(channels)
+        return self._left.pulse(left), self._right.pulse(right)
+
+    def _paddles(self, channels: Sequence[int]) -> tuple[float, float]:
+        steer = self._steer_input.fraction(_channel(channels, self._steer))
+        throttle = self._throttle_input.fraction(_channel(channels, self._throttle))
+        if self._two_paddles:
+            return steer, throttle
+        return throttle + steer, throttle - steer  # one stick steers, the other drives
+
+    def _output(self, function: int, parameters: Parameters) -> Calibration:
+        number = self.functions.index(function) + 1 if function in self.functions else 0
+        return Calibration.of("SERVO", number, parameters)
 
 
-def _calibration(
-    kind: str, number: int, parameters: Parameters
-) -> tuple[float, float, float, float]:
-    def value(what: str, factory: float) -> float:
-        return parameters.get(f"{kind}{number}_{what}", factory)
-
-    # ArduPilot's factory calibration, for channels that the shipped file does not set
-    return value("MIN", 1100), value("TRIM", 1500), value("MAX", 1900), value("DZ", 0)
+def _channel(channels: Sequence[int], number: int) -> int:
+    return channels[number - 1] if 1 <= number <= len(channels) else 0

@@ -11,14 +11,17 @@ from enum import IntEnum
 
 from msgspec import field
 
-from twinscrew.hil_sim.autopilot.mixer import in_uint16, paddle_outputs
+from twinscrew.hil_sim.autopilot.mixer import (
+    SERVOS,
+    THROTTLE_LEFT,
+    THROTTLE_RIGHT,
+    Mixer,
+    in_uint16,
+)
 from twinscrew.hil_sim.autopilot.parameters import Parameters
 from twinscrew.hil_sim.autopilot.radio import LOST_AFTER_S, Radio
 from twinscrew.runtime.settings import NonNegative, Settings
 
-SERVOS = 16
-THROTTLE_LEFT, THROTTLE_RIGHT = 73, 74
-"""SERVOn_FUNCTION of the two propellers."""
 NEUTRAL_AFTER_S = 0.6
 """[s] Overrides stopped, no receiver, FS_THR_ENABLE 1: thrust neutral (measured 0.55 to 0.66 s)."""
 FORCE = 21196
@@ -67,6 +70,8 @@ class Rover:
         self._arming_delay_s = settings.arming_delay_s
         self._servos = [0] * SERVOS
         self._now_s = boot_s
+        self._mixer = Mixer(self.parameters)
+        self._mixed_at = self.parameters.changes
 
     @property
     def is_boat(self) -> bool:
@@ -104,7 +109,7 @@ class Rover:
 
     def set_servo(self, number: float, pwm_us: float) -> bool:
         """DO_SET_SERVO: refused on a propeller's output; elsewhere it works even disarmed."""
-        if not 1 <= number <= SERVOS or self._function(int(number)) != 0:
+        if not 1 <= number <= SERVOS or self._wiring().functions[int(number) - 1] != 0:
             return False
         self._servos[int(number) - 1] = in_uint16(pwm_us)
         return True
@@ -132,28 +137,28 @@ class Rover:
 
     def servo_outputs(self) -> list[int]:
         """Give the pulse widths [us] of outputs 1 to 16, as SERVO_OUTPUT_RAW tells them."""
-        left, right = self._paddles()
-        outputs = list(self._servos)
-        for index in range(SERVOS):
-            function = self._function(index + 1)
-            if function in (THROTTLE_LEFT, THROTTLE_RIGHT):
-                outputs[index] = left if function == THROTTLE_LEFT else right
-        return outputs
+        left, right = self.propellers()
+        drives = {THROTTLE_LEFT: left, THROTTLE_RIGHT: right}
+        functions = self._wiring().functions
+        return [
+            drives.get(int(function), servo)
+            for function, servo in zip(functions, self._servos, strict=True)
+        ]
 
     def propellers(self) -> tuple[int, int]:
         """Give the pulse widths [us] that drive the left and right propeller."""
-        return self._paddles()
-
-    def _paddles(self) -> tuple[int, int]:
         lost = (
             self.parameters["FS_THR_ENABLE"] != 0
             and self.radio.silent_s(self._now_s, self.boot_s) > NEUTRAL_AFTER_S
         )
         driven = self.armed and self.mode is Mode.MANUAL and not lost
-        return paddle_outputs(self.radio.values if driven else None, self.parameters)
+        return self._wiring().outputs(self.radio.values if driven else None)
 
-    def _function(self, servo: int) -> float:
-        return self.parameters.get(f"SERVO{servo}_FUNCTION", 0.0)
+    def _wiring(self) -> Mixer:
+        if self._mixed_at != self.parameters.changes:
+            self._mixer = Mixer(self.parameters)
+            self._mixed_at = self.parameters.changes
+        return self._mixer
 
     def _arming_refusal(self, now_s: float) -> str | None:
         if now_s - self.boot_s < self._arming_delay_s:

@@ -37,10 +37,6 @@ class Authority:
     def __init__(self, ask_manual: AskManual, *, arm: bool) -> None:
         self._ask_manual = ask_manual
         self._arm = arm
-        self.ask_again()
-
-    def ask_again(self) -> None:
-        """Start over, on an operator's word: ask for MANUAL and arm as at the start."""
         self.mode: int | None = None
         """The autopilot's mode; None before it told."""
         self.armed = False
@@ -52,6 +48,11 @@ class Authority:
         """True while the radio failsafe's HOLD is on."""
         self._changed_s = -FAILSAFE_WINDOW_S
         self._failsafe_s = -2 * FAILSAFE_WINDOW_S
+
+    def ask_again(self) -> None:
+        """Start over, on an operator's word: ask for MANUAL and arm as at the start."""
+        self.taken = self.held = False
+        self.was_armed = self.armed
 
     @property
     def asks_manual(self) -> bool:

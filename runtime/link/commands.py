@@ -16,12 +16,6 @@ COMMAND_STALE_S = 0.2
 """[s] Without a new command for this long (4 at 20 Hz), `tick` sends stop."""
 STREAM_BEFORE_ARMING_S = 0.1
 """[s] Neutral overrides must reach the autopilot before it lets itself be armed."""
-STOP_BEFORE_RELEASE_S = 0.2
-"""[s] Stop goes first: without a receiver a released channel keeps its last value."""
-RELEASED = (0, 0)
-"""Both channels given back to the pilot's receiver."""
-RELEASE_S = 0.5
-"""[s] How long channels are given back, several times over: a message may be lost."""
 LEFT, RIGHT = 1, 3
 """Channels of the paddles (RCMAP_ROLL, RCMAP_THROTTLE)."""
 _IGNORE = 65535

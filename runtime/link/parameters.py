@@ -65,17 +65,15 @@ class ParameterCheck:
 
     def __init__(self, expected: Mapping[str, float], *, write: bool = False) -> None:
         self._questions = {name: _Question(name, value, name) for name, value in expected.items()}
+        self._open = list(self._questions.values())
         self._write = write
+        self.wrong: tuple[str, ...] = ()
+        """Words about each parameter known to be wrong: what it is, what it must be."""
 
     @property
     def done(self) -> bool:
         """Whether every parameter was answered or given up."""
-        return not any(question.open for question in self._questions.values())
-
-    @property
-    def wrong(self) -> tuple[str, ...]:
-        """Words about each parameter known to be wrong: what it is, what it must be."""
-        return tuple(_words(q) for q in self._questions.values() if q.wrong)
+        return not self._open
 
     @property
     def values(self) -> dict[str, float]:
@@ -85,10 +83,11 @@ class ParameterCheck:
     def ask(self, target: int, now_s: float) -> list[Message]:
         """Give the requests to send now."""
         messages = []
-        for question in [q for q in self._questions.values() if q.open][:AT_ONCE]:
+        for question in self._open[:AT_ONCE]:
             if now_s < question.next_s:
                 continue
             if question.tries >= TRIES and not _try_other_name(question):
+                self._judge()
                 continue
             question.tries += 1
             question.next_s = now_s + RETRY_S
@@ -97,13 +96,20 @@ class ParameterCheck:
 
     def heard(self, name: str, value: float, target: int) -> list[Message]:
         """Take a PARAM_VALUE; gives the PARAM_SET that mends it, if that is wanted."""
-        for question in self._questions.values():
-            if name == question.asked_as:
-                question.value, question.missing = value, False
-                if self._write and question.wrong and question.writes < TRIES:
-                    question.writes += 1
-                    return [_write(target, name, question.expected)]
-        return []
+        asked = [q for q in self._questions.values() if q.asked_as == name]
+        mend = []
+        for question in asked:
+            question.value, question.missing = value, False
+            if self._write and question.wrong and question.writes < TRIES:
+                question.writes += 1
+                mend.append(_write(target, name, question.expected))
+        if asked:
+            self._judge()
+        return mend
+
+    def _judge(self) -> None:
+        self._open = [q for q in self._questions.values() if q.open]
+        self.wrong = tuple(_words(q) for q in self._questions.values() if q.wrong)
 
 
 def _try_other_name(question: _Question) -> bool:

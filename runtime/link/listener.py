@@ -1,0 +1,117 @@
+"""What the autopilot said: the part of the link that takes messages in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from twinscrew.runtime.link import commands
+from twinscrew.runtime.link.authority import Authority
+from twinscrew.runtime.link.conversation import Retried
+from twinscrew.runtime.link.modes import MANUAL
+from twinscrew.runtime.link.obedience import Obedience
+from twinscrew.runtime.link.odometry import OdometryFromAutopilot
+from twinscrew.runtime.link.paddles import STOP_US
+from twinscrew.runtime.link.parameters import ParameterCheck, expected_parameters
+from twinscrew.runtime.link.settings import AutopilotSettings
+from twinscrew.runtime.link.wire import Message
+
+_TEXTS = 100
+"""[-] The most texts kept until somebody asks: a chatty autopilot must not fill the memory."""
+
+
+class Listener:
+    """Everything that is known from the autopilot's messages."""
+
+    def __init__(self, settings: AutopilotSettings) -> None:
+        target = settings.system_id
+        expected = expected_parameters(target) if settings.check_parameters else {}
+        self.authority = Authority(settings.ask_manual, arm=settings.arm)
+        self.parameters = ParameterCheck(expected, write=settings.write_parameters)
+        self.obedience = Obedience(
+            settings.obey_tolerance_us, settings.obey_delay_s, settings.obey_patience_s
+        )
+        self.odometry = OdometryFromAutopilot()
+        self.manual = Retried(commands.set_mode(target, MANUAL), every_s=1.0)
+        self.arming = Retried(commands.arm(target), every_s=1.0)
+        self.texts: list[str] = []
+        """What the autopilot told in words and nobody has asked for yet."""
+        self.replies: list[Message] = []
+        """What is to be answered."""
+        self.vehicle_type: int | None = None
+        self.is_boat = False
+        self.heartbeat_s = self.message_s = self.servo_s = -math.inf
+        """[s] When the last one of each came."""
+        self._settings = settings
+        self._handlers: dict[str, Callable[[Message, float], None]] = {
+            "HEARTBEAT": self._on_heartbeat,
+            "SERVO_OUTPUT_RAW": self._on_servo_output,
+            "COMMAND_ACK": self._on_ack,
+            "STATUSTEXT": self._on_text,
+            "PARAM_VALUE": self._on_parameter,
+            "LOCAL_POSITION_NED": self.odometry.position,
+            "ATTITUDE": self.odometry.attitude,
+        }
+
+    def take(self, message: Message, now_s: float) -> bool:
+        """Take a message; False if it is not of our autopilot."""
+        sender = (message.get_srcSystem(), message.get_srcComponent())
+        if sender != (self._settings.system_id, mavlink.MAV_COMP_ID_AUTOPILOT1):
+            return False
+        self.message_s = now_s
+        handler = self._handlers.get(message.get_type())
+        if handler is not None:
+            handler(message, now_s)
+        return True
+
+    def connected(self, now_s: float) -> bool:
+        """Tell whether the autopilot is heard."""
+        if now_s - self.heartbeat_s > self._settings.heartbeat_timeout_s:
+            return False
+        streaming = math.isfinite(self.servo_s)
+        return not streaming or now_s - self.message_s <= self._settings.silent_after_s
+
+    def engaged(self, now_s: float) -> bool:
+        """Tell whether thrust commands act: heard, a boat, armed, in MANUAL mode."""
+        return self.authority.drives and self.is_boat and self.connected(now_s)
+
+    def _on_heartbeat(self, message: Message, now_s: float) -> None:
+        self.heartbeat_s = now_s
+        self.vehicle_type = message.type
+        self.is_boat = (
+            message.type == mavlink.MAV_TYPE_SURFACE_BOAT
+            and message.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+        )
+        drove = self.authority.drives
+        armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+        self.authority.heard(message.custom_mode, armed, now_s)
+        if drove and not self.authority.drives:
+            self.obedience.reset()
+
+    def _on_servo_output(self, message: Message, now_s: float) -> None:
+        self.servo_s = now_s
+        self.obedience.measured((message.servo1_raw, message.servo3_raw), STOP_US, now_s)
+
+    def _on_ack(self, message: Message, _now_s: float) -> None:
+        us = (self._settings.system_id, self._settings.component_id)
+        if message.target_component and (message.target_system, message.target_component) != us:
+            return
+        if message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
+            self.arming.answered(message.result)
+            if message.result == mavlink.MAV_RESULT_ACCEPTED and self.authority.asks_arming:
+                self.authority.note_armed(True)
+        elif message.command == mavlink.MAV_CMD_DO_SET_MODE:
+            self.manual.answered(message.result)
+
+    def _on_text(self, message: Message, now_s: float) -> None:
+        self.texts = [*self.texts, message.text][-_TEXTS:]
+        if message.text.startswith("Radio Failsafe"):
+            self.authority.failsafe(now_s)
+        if message.text.startswith(("Arm:", "PreArm:")):
+            self.arming.reason = message.text
+
+    def _on_parameter(self, message: Message, _now_s: float) -> None:
+        name, value = message.param_id, message.param_value
+        self.replies += self.parameters.heard(name, value, self._settings.system_id)

@@ -1,0 +1,55 @@
+"""The settings of the link to the autopilot."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from twinscrew.runtime.link.authority import AskManual
+from twinscrew.runtime.link.paddles import PaddleSettings
+from twinscrew.runtime.settings import NonNegative, Positive, Settings
+
+Id = Annotated[int, Meta(ge=1, le=255)]
+Microseconds = Annotated[int, Meta(ge=1)]
+
+
+class AutopilotSettings(Settings, frozen=True):
+    """The link to the autopilot."""
+
+    connection: str = "udpin:127.0.0.1:14550"
+    """udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD."""
+    system_id: Id = 1
+    """[-] The vehicle's MAVLink system id, which we share; SYSID_MYGCS must be the same."""
+    component_id: Id = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+    """[-] 191: onboard computer."""
+    arm: bool = False
+    """Ask the autopilot to arm, once. Without it somebody else arms the boat."""
+    ask_manual: AskManual = AskManual.AFTER_FAILSAFE
+    """When to ask for MANUAL mode: never, at_start, after_failsafe (which includes at_start)."""
+    receiver_fitted: bool = True
+    """A pilot's radio receiver is fitted: let go of the channels when he takes the boat."""
+    control: Literal["rc_override", "manual_control"] = "rc_override"
+    """The message that carries thrust."""
+    paddles: PaddleSettings = PaddleSettings()
+    check_parameters: bool = True
+    """Read the parameters that the link depends on, and say which are wrong."""
+    write_parameters: bool = False
+    """Write the wrong ones."""
+    servo_output_hz: Positive = 10.0
+    """[Hz] How often to hear what drives the propellers."""
+    state_hz: NonNegative = 0.0
+    """[Hz] How often to hear position and attitude; 0 if odometry comes from elsewhere."""
+    silent_after_s: Positive = 0.5
+    """[s] Nothing for this long: the autopilot is silent (once its streams run)."""
+    heartbeat_timeout_s: Positive = 3.5
+    """[s] No heartbeat for this long: the autopilot is silent."""
+    obey_tolerance_us: Microseconds = 5
+    """[us] How far outputs may differ from commands (measured: 1 us)."""
+    obey_delay_s: Positive = 0.5
+    """[s] How old a command the outputs may still show."""
+    obey_patience_s: Positive = 0.5
+    """[s] How long outputs may differ before the link says so."""
+    signing_key_file: str = ""
+    """File of the signing key, readable by its owner only; empty for no signing."""
