@@ -1,7 +1,9 @@
 """The equations of `runtime.policy.vessel_model`, laid out for speed: components first, in place.
 
-Each coefficient is premultiplied by the time step and divided by the inertia, so that one sub-step
-of all vessels is about twenty array operations. A test holds it against `VesselModel.step`.
+Two things make it fast. Every coefficient is premultiplied by the time step and divided by the
+inertia. And the velocities do not depend on the place, so that they are integrated first, sub-step by
+sub-step, and headings and places follow for all sub-steps at once. A test holds it against
+`VesselModel.step`.
 """
 
 from __future__ import annotations
@@ -9,13 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.policy.vessel_model import VesselParameters
 
 
 class Coefficients:
-    """What the equations need of each vessel: arrays (3, 1) if all are alike, else (3, N)."""
+    """What the equations need of N vessels; arrays (3, 1) serve vessels that are all alike."""
 
     def __init__(self, parameters: VesselParameters, dt: float, vessels: int = 1) -> None:
         self.dt = dt
@@ -29,30 +32,23 @@ class Coefficients:
         """[s/kg, s/kg, s/(kg m2)] dt / M."""
         self.lever = np.empty(vessels)
         """[m] From the centre line to a thruster."""
-        self.assign(slice(None), *_rows(parameters))
+        self.assign(np.arange(vessels), np.array(physical(parameters))[:, None])
 
-    def assign(
-        self,
-        which: object,
-        inertia: Float64,
-        linear: Float64,
-        quadratic: Float64,
-        coriolis: Float64,
-        lever: Float64,
-    ) -> None:
-        """Set the coefficients of some vessels from physical values, (3, n) and (n,)."""
-        self.gain[:, which] = self.dt / inertia  # type: ignore[index]
-        self.keep[:, which] = 1.0 - self.dt * linear / inertia  # type: ignore[index]
-        self.drag[:, which] = self.dt * quadratic / inertia  # type: ignore[index]
-        self.coriolis[:, which] = self.dt * coriolis / inertia  # type: ignore[index]
-        self.lever[which] = lever  # type: ignore[index]
+    def assign(self, which: NDArray[np.intp], values: Float64) -> None:
+        """Set some vessels' coefficients from their `physical` values, (10, n)."""
+        inertia = values[:3]
+        m11, m22 = inertia[0], inertia[1]
+        coriolis = np.stack([m22, -m11, m11 - m22])
+        self.gain[:, which] = self.dt / inertia
+        self.keep[:, which] = 1.0 - self.dt * values[3:6] / inertia
+        self.drag[:, which] = self.dt * values[6:9] / inertia
+        self.coriolis[:, which] = self.dt * coriolis / inertia
+        self.lever[which] = values[9]
 
 
-def _rows(p: VesselParameters) -> tuple[Float64, Float64, Float64, Float64, Float64]:
-    """Give a vessel's physical values as columns."""
-    columns = (p.inertia, p.linear_drag, p.quadratic_drag, p.coriolis)
-    inertia, linear, quadratic, coriolis = (np.array(c)[:, None] for c in columns)
-    return inertia, linear, quadratic, coriolis, np.array([p.lever])
+def physical(p: VesselParameters) -> tuple[float, ...]:
+    """Give the ten values that fix the motion: inertia, linear and quadratic drag (3 each), lever."""
+    return (*p.inertia, *p.linear_drag, *p.quadratic_drag, p.lever)
 
 
 class Dynamics:
@@ -62,18 +58,18 @@ class Dynamics:
         self.coefficients = coefficients
         self.trajectory = np.zeros((substeps + 1, 2, vessels))
         """[m] (S + 1, 2, N) North and east at the decision and after every sub-step."""
-        self._impulse = np.empty((3, vessels))
+        self.headings = np.zeros((substeps + 1, vessels))
+        """[rad] (S + 1, N)"""
+        self._nu = np.zeros((substeps + 1, 3, vessels))
         self._products = np.empty((3, vessels))
         self._factor = np.empty((3, vessels))
-        self._axes = np.empty((3, vessels))  # -sin, cos, sin of the heading
-        self._shift = np.empty((2, 2, vessels))
 
     def advance(
         self,
         position: Float64,
         heading: Float64,
         nu: Float64,
-        force: Callable[[int], Float64],
+        force: Callable[[Float64], Float64],
     ) -> None:
         """Move all vessels in place and fill `trajectory`.
 
@@ -86,37 +82,36 @@ class Dynamics:
         nu : (3, N) float64
             Surge, sway [m/s], yaw rate [rad/s].
         force
-            Gives tau, (3, N) [N, N, N m], of a sub-step by its number.
+            Gives tau, (3, N) [N, N, N m], of the next sub-step by nu at its beginning.
         """
-        self.trajectory[0] = position
-        for substep in range(1, len(self.trajectory)):
-            self._accelerate(nu, force(substep - 1))
-            self._move(self.trajectory[substep], self.trajectory[substep - 1], heading, nu)
-        position[:] = self.trajectory[-1]
+        self._nu[0] = nu
+        for before, after in zip(self._nu[:-1], self._nu[1:], strict=True):
+            self._accelerate(before, force(before), after)
+        self._follow(position, heading)
+        position[:], heading[:], nu[:] = self.trajectory[-1], self.headings[-1], self._nu[-1]
 
-    def _accelerate(self, nu: Float64, tau: Float64) -> None:
-        """Add dt M^-1 (tau - C(nu) nu - D(nu) nu)."""
-        c = self.coefficients
-        products, factor = self._products, self._factor
+    def _accelerate(self, nu: Float64, tau: Float64, after: Float64) -> None:
+        """Give nu + dt M^-1 (tau - C(nu) nu - D(nu) nu)."""
+        c, products, factor = self.coefficients, self._products, self._factor
         np.multiply(nu[1::-1], nu[2], out=products[:2])  # v r, u r
         np.multiply(nu[0], nu[1], out=products[2])  # u v
         products *= c.coriolis
         np.abs(nu, out=factor)
         factor *= c.drag
         np.subtract(c.keep, factor, out=factor)
-        nu *= factor
-        nu += products
-        nu += np.multiply(tau, c.gain, out=self._impulse)
+        np.multiply(nu, factor, out=after)
+        after += products
+        np.multiply(tau, c.gain, out=factor)
+        after += factor
 
-    def _move(self, to: Float64, start: Float64, heading: Float64, nu: Float64) -> None:
-        """Move by dt along the heading of before with the velocity of after."""
-        axes, shift, dt = self._axes, self._shift, self.coefficients.dt
-        np.cos(heading, out=axes[1])
-        np.sin(heading, out=axes[2])
-        np.negative(axes[2], out=axes[0])
-        np.multiply(axes[1:], nu[0], out=shift[0])  # (cos, sin) surge
-        np.multiply(axes[:2], nu[1], out=shift[1])  # (-sin, cos) sway
-        shift[0] += shift[1]
-        shift[0] *= dt
-        np.add(start, shift[0], out=to)
-        heading += np.multiply(nu[2], dt, out=shift[1, 0])
+    def _follow(self, position: Float64, heading: Float64) -> None:
+        """Sum up headings and places: by the heading before, the velocity after each sub-step."""
+        moved = self._nu[1:] * self.coefficients.dt
+        self.headings[0], self.trajectory[0] = heading, position
+        np.cumsum(moved[:, 2], axis=0, out=self.headings[1:])
+        self.headings[1:] += heading
+        cosine, sine = np.cos(self.headings[:-1]), np.sin(self.headings[:-1])
+        surge, sway = moved[:, 0], moved[:, 1]
+        np.cumsum(cosine * surge - sine * sway, axis=0, out=self.trajectory[1:, 0])
+        np.cumsum(sine * surge + cosine * sway, axis=0, out=self.trajectory[1:, 1])
+        self.trajectory[1:] += position

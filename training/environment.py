@@ -1,8 +1,8 @@
 """The training environment: many episodes at once, as array operations.
 
-Paper, sec. V with parameters.md's numbers. One decision of all vessels in all episodes is one `step`:
-all move at once through 0.05 s sub-steps, touching is checked at every sub-step, reaching the goal
-at the end; who reached or touched leaves the water. A slot whose episode is over begins the next.
+Paper, sec. V. One decision of all vessels in all episodes is one `step`: all move at once through
+0.05 s sub-steps, touching is checked at every sub-step, reaching the goal at the end; who reached or
+touched leaves the water. A slot whose episode is over begins the next.
 
     env = VectorEnv(EnvironmentSettings(), episodes=64, seed=0)
     observation = env.reset()                      # ego (E, V, 7), objects (E, V, K, 5), mask
@@ -43,8 +43,8 @@ RATE_LIMIT = 1000.0
 """[N/s] The rate of change of thrust that an action of 1 asks for (paper, sec. V)."""
 
 
-class EnvironmentSettings(Settings):
-    """The environment; the defaults are the published one (parameters.md, Training environment)."""
+class EnvironmentSettings(Settings, frozen=True):
+    """The environment; the defaults are the published one (paper, sec. V)."""
 
     scenarios: tuple[ScenarioSettings, ...] = (ScenarioSettings(),)
     """The mixture: every episode follows one of these rows, drawn by weight."""
@@ -99,7 +99,7 @@ class StepResult:
     touched_buoy: Mask
     """(E, V) Touched a buoy in this decision."""
     elapsed_s: Float64
-    """(E,) [s] Since the episode began, at the end of this decision: the travel time of `reached`."""
+    """(E,) [s] Since the episode began, after this decision: the travel time of `reached`."""
     finished: Mask
     """(E,) The episode is over; the slot has begun the next one (unless `auto_reset` is off)."""
 
@@ -242,7 +242,7 @@ class VectorEnv:
     def _move(self, action: NDArray[np.floating]) -> None:
         """Change the thrusts and sail through the sub-steps of a decision."""
         vessel = self.settings.vessel
-        rate = np.clip(np.moveaxis(np.asarray(action, np.float64), -1, 0), -1.0, 1.0) * RATE_LIMIT
+        rate = np.clip(action, -1.0, 1.0).transpose(2, 0, 1) * RATE_LIMIT
         self._thrust += rate * self.settings.period_s
         np.clip(self._thrust, vessel.thrust_min_n, vessel.thrust_max_n, out=self._thrust)
         self._thrust *= self._active

@@ -1,7 +1,7 @@
 """What each vessel sees: its own state and the nearest objects around it, in its own frame.
 
-The same definitions as `runtime.policy.observation`, for V vessels in E episodes at once. Vectors in
-the plane are complex numbers, north + i east: a product with exp(i heading) turns B into N.
+The same definitions as `runtime.policy.observation`, for V vessels in E episodes at once. Vectors
+in the plane are complex numbers, north + i east: a product with exp(i heading) turns B into N.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ def see_ego(
     goal_B = (goal - position) * heading.conj()
     ego[..., 0] = goal_B.real
     ego[..., 1] = goal_B.imag
-    ego[..., 2:5] = np.moveaxis(nu, 0, -1)
-    ego[..., 5:7] = np.moveaxis(thrust, 0, -1)
+    ego[..., 2:5] = nu.transpose(1, 2, 0)
+    ego[..., 5:7] = thrust.transpose(1, 2, 0)
     return ego
 
 
@@ -91,7 +91,7 @@ def see_objects(
     objects : (E, V, K, 5) float32
     mask : (E, V, K) float32
     """
-    episodes, vessels = heading.shape
+    vessels = heading.shape[1]
     turn = heading.conj().astype(np.complex64)[..., None]
     place = things.position.astype(np.complex64)
     p = place[:, None, :] - place[:, :vessels, None] + noise.position
@@ -109,7 +109,7 @@ def see_objects(
 
 
 def _nearest(features: Float32, surface: Float32, most: int) -> tuple[Float32, Float32]:
-    """Give the rows, (E, V, K, 5), with the smallest finite surface distances, (E, V, O), sorted."""
+    """Give the rows, (E, V, K, 5), of the smallest finite surface distances, sorted."""
     episodes, vessels, count = surface.shape
     order = np.argsort(surface, axis=-1, kind="stable")[..., :most]
     rows = order + count * np.arange(episodes * vessels).reshape(episodes, vessels, 1)

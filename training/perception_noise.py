@@ -1,6 +1,8 @@
 """The paper's perception noise, eqs. (13) to (15): independent for every pair of vessel and object.
 
-The noise of a slot comes from the slot's own stream, drawn for many decisions at a time.
+The noise of a slot comes from the slot's own stream, drawn for many decisions at a time. Each number
+is one of 65 536 equally likely values, the midpoints of the distribution's quantile bins: a look-up
+in place of a rejection loop, and closer to the distribution than a run can tell.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.random import Generator
 from numpy.typing import NDArray
-from scipy.stats import vonmises
+from scipy.stats import norm, vonmises
 
 from twinscrew.runtime.messages.types import Float32
 from twinscrew.runtime.settings import Fraction, NonNegative, Positive, Settings
@@ -21,10 +23,10 @@ from twinscrew.runtime.settings import Fraction, NonNegative, Positive, Settings
 Complex64 = NDArray[np.complex64]
 
 QUANTILES = 1 << 16
-"""[-] The radius noise takes one of so many equally likely values."""
+"""[-] Every noise takes one of so many equally likely values."""
 
 
-class NoiseSettings(Settings):
+class NoiseSettings(Settings, frozen=True):
     """How wrong perception is (parameters.md, Training environment: noise)."""
 
     position_m: NonNegative = 0.05
@@ -50,29 +52,34 @@ class Noise(NamedTuple):
     """(E, V, O) [-] Factor of the true radius."""
 
 
-@lru_cache(maxsize=8)
-def radius_factors(mean: float, kappa: float) -> Float32:
-    """Give the radius factor, eq. (15), at the midpoints of its `QUANTILES` quantile bins."""
-    probability = (np.arange(QUANTILES) + 0.5) / QUANTILES
-    if kappa > 0.0:
-        w = vonmises(kappa).ppf(probability)
-    else:
-        w = np.pi * (2 * probability - 1)
-    return (mean + (1.0 - mean) * w / np.pi).astype(np.float32)
-
-
 def draw(settings: NoiseSettings, generator: Generator, shape: tuple[int, ...]) -> Noise:
     """Draw noise of a shape."""
     if settings.perfect:
         zero = np.zeros(shape, np.complex64)
         return Noise(zero, zero, np.ones(shape, np.float32))
-    normal = generator.standard_normal((2, *shape, 2), dtype=np.float32)
-    quantile = generator.integers(0, QUANTILES, shape, dtype=np.uint16)
-    position, velocity = normal.view(np.complex64)[..., 0]
+    quantile = generator.integers(0, QUANTILES, (5, *shape), dtype=np.uint16)
+    normal = normal_values()[quantile[:4]]
+    position, velocity = normal[0::2] + 1j * normal[1::2]
     position *= np.float32(settings.position_m)
     velocity *= np.float32(settings.velocity_mps)
     factors = radius_factors(settings.radius_mean, settings.radius_kappa)
-    return Noise(position, velocity, factors[quantile])
+    return Noise(position, velocity, factors[quantile[4]])
+
+
+@lru_cache(maxsize=1)
+def normal_values() -> Float32:
+    """Give the standard normal distribution as `QUANTILES` equally likely values."""
+    return norm.ppf(_PROBABILITY).astype(np.float32)  # type: ignore[no-any-return]
+
+
+@lru_cache(maxsize=8)
+def radius_factors(mean: float, kappa: float) -> Float32:
+    """Give the radius factor, eq. (15), as `QUANTILES` equally likely values."""
+    w = vonmises(kappa).ppf(_PROBABILITY) if kappa > 0.0 else np.pi * (2 * _PROBABILITY - 1)
+    return (mean + (1.0 - mean) * w / np.pi).astype(np.float32)  # type: ignore[no-any-return]
+
+
+_PROBABILITY = (np.arange(QUANTILES) + 0.5) / QUANTILES
 
 
 class NoiseBank:

@@ -21,7 +21,7 @@ Mask = NDArray[np.bool_]
 NonPositive = Annotated[float, Meta(le=0.0)]
 
 
-class RewardSettings(Settings):
+class RewardSettings(Settings, frozen=True):
     """The paper's weights (sec. V)."""
 
     step: float = -0.1
@@ -99,15 +99,15 @@ def _checked(
     speed = np.hypot(objects[..., 2], objects[..., 3])
     candidate = (mask > 0) & (speed >= rules.min_speed_mps)
     candidate &= (np.hypot(v_ego[..., 0], v_ego[..., 1]) >= rules.min_speed_mps)[..., None]
-    if settings.which == "closest":  # nearest first: keep the first moving one of each vessel
-        candidate &= np.cumsum(candidate, axis=-1) == 1
-    episode, vessel, k = np.nonzero(candidate)
+    if settings.which == "closest":  # nearest first: the first moving object of each vessel
+        episode, vessel = np.nonzero(candidate.any(axis=-1))
+        k = candidate.argmax(axis=-1)[episode, vessel]
+    else:
+        episode, vessel, k = np.nonzero(candidate)
     chosen = objects[episode, vessel, k].astype(np.float64)
     kind = situation(chosen[:, :2], chosen[:, 2:4], v_ego[episode, vessel], rules)
-    is_one = kind != Situation.NONE
+    kept = np.flatnonzero(kind != Situation.NONE)
     if settings.which == "first":  # of those that qualify, the first of each vessel
         row = episode * mask.shape[1] + vessel
-        kept = np.flatnonzero(is_one)
-        is_one[:] = False
-        is_one[kept[np.unique(row[kept], return_index=True)[1]]] = True
-    return (episode[is_one], vessel[is_one]), chosen[is_one]
+        kept = kept[np.unique(row[kept], return_index=True)[1]]
+    return (episode[kept], vessel[kept]), chosen[kept]

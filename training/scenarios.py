@@ -30,7 +30,7 @@ REDRAWS = 8
 """[-] So many times, before the request counts as impossible."""
 
 
-class ScenarioSettings(Settings):
+class ScenarioSettings(Settings, frozen=True):
     """How crowded an episode is: one row of the paper's schedule (table I)."""
 
     robots: Count = 3
@@ -43,7 +43,7 @@ class ScenarioSettings(Settings):
     """[-] How often this row is drawn, relative to the others of a mixture."""
 
 
-class MapSettings(Settings):
+class MapSettings(Settings, frozen=True):
     """The water (the authors' code)."""
 
     size_m: Positive = 55.0

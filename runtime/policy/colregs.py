@@ -28,7 +28,7 @@ class Situation(IntEnum):
     """Rule 15: the other is on the ego's starboard side; the ego keeps out of its way."""
 
 
-class ColregsSettings(Settings):
+class ColregsSettings(Settings, frozen=True):
     """Zones in the frame of the other vessel, x along ITS VELOCITY (the authors' code)."""
 
     head_on_ahead_m: Positive = 17.0

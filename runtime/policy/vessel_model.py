@@ -24,7 +24,7 @@ from twinscrew.runtime.settings import Positive, Settings
 Damping = Annotated[float, Meta(le=0.0)]
 
 
-class VesselParameters(Settings):
+class VesselParameters(Settings, frozen=True):
     """The WAM-V 16 as in training (config/vessels/wam_v_3dof.toml); Fossen's signs."""
 
     mass_kg: Positive = 400.0
