@@ -1,4 +1,4 @@
-"""From a scenario and a moment to what a LiDAR sees, and to where the vessels start."""
+"""From a scenario and a moment to what a LiDAR can see."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from twinscrew.hil_sim.lidar import ABSENT, Bodies
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import Sea
 from twinscrew.hil_sim.shapes import Shape, boxes_shape, load_shape
-from twinscrew.hil_sim.vessel.state import VesselState, level_quaternion
+from twinscrew.hil_sim.vessel.state import VesselState
 from twinscrew.runtime.messages.types import Float64
 
 VESSEL, BUOY, QUAYS = 0, 1, 2
@@ -41,18 +41,6 @@ def bodies(
         water_z=np.concatenate(
             [-sea.elevation(state.position_N[:, :2], time_s), afloat[:, 2], np.zeros(Q)]
         ),
-    )
-
-
-def at_rest(scenario: Scenario) -> VesselState:
-    """Give the vessels at their starts, still, on an even keel, propellers off."""
-    count = scenario.vessels
-    return VesselState(
-        position_N=np.column_stack([scenario.starts[:, :2], np.zeros(count)]),
-        q_NB=level_quaternion(scenario.starts[:, 2]),
-        velocity_B=np.zeros((count, 3)),
-        rates_B=np.zeros((count, 3)),
-        thrust=np.zeros((count, 2)),
     )
 
 

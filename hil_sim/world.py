@@ -19,6 +19,7 @@ from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
 from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, VesselDynamics
 from twinscrew.hil_sim.vessel.parameters import VesselParameters, load_vessel
+from twinscrew.hil_sim.vessel.rest import at_rest
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Odometry, PointCloud
 from twinscrew.runtime.perception.sensor import Sensor, load_sensor
 from twinscrew.runtime.settings import Positive, Settings, load, shipped
@@ -68,7 +69,7 @@ class World:
         self._dynamics = VesselDynamics(parameters, self.settings.dynamics)
         self._lidar = Lidar(sensor, self.settings.lidar, scene.shapes(scenario))
         self._obstacles = Obstacles(circles=scenario.buoys, boxes=scenario.quays)
-        self.state = scene.at_rest(scenario)
+        self.state = at_rest(self._dynamics, scenario.starts[:, :2], scenario.starts[:, 2])
         self.present: NDArray[np.bool_] = np.ones(scenario.vessels, dtype=np.bool_)
         self.moored: NDArray[np.bool_] = np.zeros(scenario.vessels, dtype=np.bool_)
         self._moorings_N = scenario.goals.copy()
