@@ -1,3 +1,7 @@
+"""Native kernels. Frames and units as in the C++ headers of runtime/native."""
+
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,3 +12,80 @@ def gather_frd(
     steps: tuple[int, int],
     points_S: NDArray[np.float32],
 ) -> None: ...
+
+class Gates:
+    range_min: float
+    range_max: float
+    mask_hull: bool
+    hull_aft: float
+    hull_fore: float
+    hull_half_width: float
+    drop_water: bool
+    surface_down: float
+    clearance: float
+    weak_clearance: float
+    weak: float
+    def __init__(self) -> None: ...
+
+class Motion:
+    def __init__(
+        self,
+        rates: Sequence[float],
+        velocity: Sequence[float],
+        first_time: float,
+        time_per_column: float,
+    ) -> None: ...
+
+class Counts:
+    @property
+    def points(self) -> int: ...
+    @property
+    def empty(self) -> int: ...
+    @property
+    def range(self) -> int: ...
+    @property
+    def no_beam(self) -> int: ...
+    @property
+    def hull(self) -> int: ...
+    @property
+    def water(self) -> int: ...
+    @property
+    def hidden(self) -> int: ...
+    @property
+    def used(self) -> int: ...
+
+class Kernel:
+    def __init__(
+        self,
+        *,
+        elevations: Sequence[float],
+        first_azimuth: float,
+        azimuth_step: float,
+        columns: int,
+        wraps: bool,
+        gates: Gates,
+        theta: float,
+        noise: float,
+        bridged: int,
+        reach: float,
+        merge_gap: float,
+        least_points: int,
+        longest: float,
+        piece: float,
+    ) -> None: ...
+    def project(
+        self,
+        points_S: NDArray[np.float32],
+        intensity: NDArray[np.float32] | None,
+        time: NDArray[np.float32] | None,
+        R_BS: Sequence[float],
+        p_BS: Sequence[float],
+        R_LB: Sequence[float],
+        motion: Motion | None,
+    ) -> Counts: ...
+    def segment(self) -> int: ...
+    def objects(self) -> NDArray[np.float64]: ...
+    def range_image(self) -> NDArray[np.float32]: ...
+    def point_image(self) -> NDArray[np.int32]: ...
+    def labels(self) -> NDArray[np.int32]: ...
+    def object_image(self) -> NDArray[np.int32]: ...

@@ -2,19 +2,28 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/vector.h>
 
+#include <algorithm>
+#include <memory>
+#include <optional>
 #include <stdexcept>
 
 #include "gather.hpp"
+#include "kernel.hpp"
 
 namespace nb = nanobind;
+using namespace nb::literals;
 
 namespace {
 
 using Bytes = nb::ndarray<const std::uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-using Points = nb::ndarray<float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using OutPoints = nb::ndarray<float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using Points = nb::ndarray<const float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using Values = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using twinscrew::Kernel;
 
-// A record's last byte, were `height` rows of `width` records laid out so; checks for overflow.
 void check(const twinscrew::RecordLayout& layout, std::size_t size, std::size_t points) {
   std::size_t rows = 0, row = 0;
   if (__builtin_mul_overflow(layout.height, layout.row_step, &rows) || rows > size ||
@@ -30,18 +39,141 @@ void check(const twinscrew::RecordLayout& layout, std::size_t size, std::size_t 
 }
 
 void gather_frd(Bytes data, std::array<std::size_t, 3> offsets, std::array<std::size_t, 2> shape,
-                std::array<std::size_t, 2> steps, Points points_S) {
+                std::array<std::size_t, 2> steps, OutPoints points_S) {
   const twinscrew::RecordLayout layout{offsets, shape[0], shape[1], steps[0], steps[1]};
   check(layout, data.size(), points_S.shape(0));
   const nb::gil_scoped_release release;
   twinscrew::gather_frd(data.data(), layout, points_S.data());
 }
 
+std::span<const float> values(const std::optional<Values>& array, std::size_t size) {
+  if (!array) return {};
+  if (array->size() != size) throw std::invalid_argument("Kernel: a value for each point, or none");
+  return {array->data(), size};
+}
+
+twinscrew::Counts project(Kernel& kernel, Points points_S, std::optional<Values> intensity,
+                          std::optional<Values> time, const twinscrew::Matrix& R_BS,
+                          const twinscrew::Vector& p_BS, const twinscrew::Matrix& R_LB,
+                          std::optional<twinscrew::Motion> motion) {
+  const std::size_t size = points_S.shape(0);
+  if (size > static_cast<std::size_t>(std::numeric_limits<std::int32_t>::max())) {
+    throw std::invalid_argument("Kernel: too many points");
+  }
+  const twinscrew::Cloud cloud{{points_S.data(), 3 * size}, values(intensity, size),
+                               values(time, size)};
+  const nb::gil_scoped_release release;
+  return kernel.project(cloud, {R_BS, p_BS}, R_LB, motion ? &*motion : nullptr);
+}
+
+// An array of its own memory, filled by `fill(pointer)`.
+template <class T, class Fill>
+nb::ndarray<nb::numpy, T> make_array(std::initializer_list<std::size_t> shape, Fill fill) {
+  std::size_t size = 1;
+  for (const std::size_t n : shape) size *= n;
+  auto memory = std::make_unique<T[]>(std::max<std::size_t>(size, 1));
+  fill(memory.get());
+  T* raw = memory.release();
+  const nb::capsule owner(raw, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+  return nb::ndarray<nb::numpy, T>(raw, shape, owner);
+}
+
+// The objects, (K, 4): x, y, radius, number of echoes.
+nb::ndarray<nb::numpy, double> objects(Kernel& kernel) {
+  const std::vector<twinscrew::Circle>* circles = nullptr;
+  {
+    const nb::gil_scoped_release release;
+    circles = &kernel.objects();
+  }
+  return make_array<double>({circles->size(), 4}, [&](double* out) {
+    for (const twinscrew::Circle& c : *circles) {
+      for (const double value : {c.x, c.y, c.radius, static_cast<double>(c.count)}) *out++ = value;
+    }
+  });
+}
+
+// An image of what `value(cell)` gives, and of `empty` where there is no echo.
+template <class T, class Value>
+nb::ndarray<nb::numpy, T> image_of(const Kernel& kernel, T empty, Value value) {
+  const twinscrew::RangeImage& image = kernel.image();
+  const auto rows = static_cast<std::size_t>(image.rows());
+  const auto columns = static_cast<std::size_t>(image.columns());
+  return make_array<T>({rows, columns}, [&](T* out) {
+    std::fill(out, out + image.size(), empty);
+    image.each([&](std::size_t cell) { out[cell] = value(cell); });
+  });
+}
+
+void bind_kernel(nb::module_& m) {
+  nb::class_<twinscrew::Gates>(m, "Gates", "Which echoes are of use.")
+      .def(nb::init<>())
+      .def_rw("range_min", &twinscrew::Gates::range_min)
+      .def_rw("range_max", &twinscrew::Gates::range_max)
+      .def_rw("mask_hull", &twinscrew::Gates::mask_hull)
+      .def_rw("hull_aft", &twinscrew::Gates::hull_aft)
+      .def_rw("hull_fore", &twinscrew::Gates::hull_fore)
+      .def_rw("hull_half_width", &twinscrew::Gates::hull_half_width)
+      .def_rw("drop_water", &twinscrew::Gates::drop_water)
+      .def_rw("surface_down", &twinscrew::Gates::surface_down)
+      .def_rw("clearance", &twinscrew::Gates::clearance)
+      .def_rw("weak_clearance", &twinscrew::Gates::weak_clearance)
+      .def_rw("weak", &twinscrew::Gates::weak);
+  nb::class_<twinscrew::Motion>(m, "Motion", "How the vessel moved during the scan.")
+      .def(nb::init<twinscrew::Vector, twinscrew::Vector, float, float>(), "rates"_a, "velocity"_a,
+           "first_time"_a, "time_per_column"_a);
+  nb::class_<twinscrew::Counts>(m, "Counts", "What became of the points.")
+      .def_ro("points", &twinscrew::Counts::points)
+      .def_ro("empty", &twinscrew::Counts::empty)
+      .def_ro("range", &twinscrew::Counts::range)
+      .def_ro("no_beam", &twinscrew::Counts::no_beam)
+      .def_ro("hull", &twinscrew::Counts::hull)
+      .def_ro("water", &twinscrew::Counts::water)
+      .def_ro("hidden", &twinscrew::Counts::hidden)
+      .def_ro("used", &twinscrew::Counts::used);
+  nb::class_<Kernel>(m, "Kernel", "Perception on one core, with its memory kept between scans.")
+      .def(
+          "__init__",
+          [](Kernel* self, const std::vector<double>& elevations, double first_azimuth,
+             double azimuth_step, int columns, bool wraps, const twinscrew::Gates& gates,
+             double theta, double noise, int bridged, float reach, float merge_gap,
+             int least_points, float longest, float piece) {
+            const twinscrew::Scanner scanner(elevations, first_azimuth, azimuth_step, columns,
+                                             wraps);
+            const twinscrew::CircleRules rules{least_points,   longest,        piece,
+                                               gates.mask_hull, gates.hull_aft, gates.hull_fore};
+            new (self) Kernel(scanner, gates, {theta, noise, bridged}, reach, merge_gap, rules);
+          },
+          nb::kw_only(), "elevations"_a, "first_azimuth"_a, "azimuth_step"_a, "columns"_a,
+          "wraps"_a, "gates"_a, "theta"_a, "noise"_a, "bridged"_a, "reach"_a, "merge_gap"_a,
+          "least_points"_a, "longest"_a, "piece"_a)
+      .def("project", &project, "points_S"_a, "intensity"_a.none(), "time"_a.none(), "R_BS"_a,
+           "p_BS"_a, "R_LB"_a, "motion"_a.none())
+      .def("segment", &Kernel::segment, nb::call_guard<nb::gil_scoped_release>())
+      .def("objects", &objects)
+      .def("range_image",
+           [](const Kernel& k) {
+             return image_of<float>(k, 0.0F, [&](std::size_t c) { return k.image().range(c); });
+           })
+      .def("point_image",
+           [](const Kernel& k) {
+             return image_of<std::int32_t>(
+                 k, -1, [&](std::size_t c) { return k.image().echo(c).point; });
+           })
+      .def("labels",
+           [](const Kernel& k) {
+             return image_of<std::int32_t>(k, -1, [&](std::size_t c) { return k.labels()[c]; });
+           })
+      .def("object_image", [](const Kernel& k) {
+        return image_of<std::int32_t>(k, -1, [&](std::size_t c) { return k.circle_of(c); });
+      });
+}
+
 }  // namespace
 
 NB_MODULE(_native, m) {
   m.doc() = "Native kernels.";
-  m.def("gather_frd", &gather_frd, nb::arg("data"), nb::arg("offsets"), nb::arg("shape"),
-        nb::arg("steps"), nb::arg("points_S").noconvert(),
+  m.def("gather_frd", &gather_frd, "data"_a, "offsets"_a, "shape"_a, "steps"_a,
+        nb::arg("points_S").noconvert(),
         "Copy float32 x, y, z records (forward-left-up) into points_S (forward-starboard-down).");
+  bind_kernel(m);
 }

@@ -121,6 +121,8 @@ class Sensor(Settings, frozen=True, kw_only=True, dict=True):
     """[m] Farther echoes are not given."""
     noise_sigma_m: NonNegative
     """[m] Standard deviation of a range."""
+    weak_intensity: float | None = None
+    """[sensor's own] Echoes of at most this strength may be water; none tells nothing."""
     mount: Mount | None = None
     """Its pose on the vessel; a sensor without one cannot serve on a vessel."""
     gives_misses: bool = True

@@ -1,0 +1,170 @@
+// From patches to circles: one for an object, several for one too long for a circle.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numeric>
+#include <vector>
+
+#include "patches.hpp"
+
+namespace twinscrew {
+
+struct Circle {
+  double x, y;    // [m] centroid of the echoes
+  double radius;  // [m] the largest distance of an echo from the centroid
+  std::int64_t count;
+};
+
+struct CircleRules {
+  int least_points = 20;
+  float longest = 6.5F;  // [m] a longer object is cut
+  float piece = 4.0F;    // [m] into pieces no longer than this
+  bool has_hull = false;
+  float hull_aft = 0.0F, hull_fore = 0.0F;  // [m] the own keel line: y = 0, x between these
+};
+
+class Circles {
+ public:
+  Circles(const CircleRules& rules, std::size_t cells) : rules_(rules) {
+    for (auto* numbers : {&order_, &circle_of_}) numbers->reserve(cells);
+    circles_.reserve(cells);
+  }
+
+  void operator()(const RangeImage& image, PatchMap& map) {
+    circles_.clear();
+    const std::vector<Patch>& patches = map.patches();
+    circle_of_.assign(patches.size(), NONE);
+    sort_by_object(map);
+    for (auto begin = order_.begin(); begin != order_.end();) {
+      const std::int32_t object = object_[index(*begin)];
+      const auto end = std::find_if(
+          begin, order_.end(), [&](std::int32_t p) { return object_[index(p)] != object; });
+      const bool enough = points(patches, begin, end) >= rules_.least_points;
+      if (enough) cut(patches, begin, end, rules_.longest);
+      begin = end;
+    }
+    measure(image, map);
+  }
+
+  const std::vector<Circle>& circles() const { return circles_; }
+
+  // The circle of an occupied cell, or -1 if its object had too few points.
+  std::int32_t circle_of(const PatchMap& map, std::size_t cell) const {
+    return circle_of_[map.patch_of(cell)];
+  }
+
+ private:
+  static constexpr std::int32_t NONE = -1;
+  using Iterator = std::vector<std::int32_t>::iterator;
+
+  // Centroid and principal axis of some patches.
+  struct Shape {
+    double x, y;                 // centroid of the echoes
+    double axis_x, axis_y;       // unit vector along the longest extent
+    double from, to;             // the extent along it
+    double radius;               // an upper bound
+  };
+
+  static std::size_t index(std::int32_t i) { return static_cast<std::size_t>(i); }
+
+  void sort_by_object(PatchMap& map) {
+    const std::vector<Patch>& patches = map.patches();
+    object_.resize(patches.size());
+    order_.resize(patches.size());
+    for (std::size_t i = 0; i < patches.size(); ++i) object_[i] = map.object_of(patches[i]);
+    std::iota(order_.begin(), order_.end(), 0);
+    std::sort(order_.begin(), order_.end(), [&](std::int32_t a, std::int32_t b) {
+      const std::int32_t i = object_[index(a)], j = object_[index(b)];
+      return i != j ? i < j : a < b;
+    });
+  }
+
+  static std::int64_t points(const std::vector<Patch>& patches, Iterator begin, Iterator end) {
+    return std::accumulate(begin, end, std::int64_t{0}, [&](std::int64_t sum, std::int32_t p) {
+      return sum + patches[index(p)].count;
+    });
+  }
+
+  // Each patch weighs the same in the axis, or the near end of a quay would outweigh the far one.
+  static Shape shape(const std::vector<Patch>& patches, Iterator begin, Iterator end) {
+    double x = 0, y = 0, mx = 0, my = 0, mxx = 0, mxy = 0, myy = 0, count = 0;
+    const auto n = static_cast<double>(end - begin);
+    for (auto it = begin; it != end; ++it) {
+      const Patch& p = patches[index(*it)];
+      x += p.x_sum;
+      y += p.y_sum;
+      count += p.count;
+      mx += p.x_sum / p.count;
+      my += p.y_sum / p.count;
+    }
+    mx /= n;
+    my /= n;
+    for (auto it = begin; it != end; ++it) {
+      const Patch& p = patches[index(*it)];
+      const double dx = p.x_sum / p.count - mx, dy = p.y_sum / p.count - my;
+      mxx += dx * dx;
+      mxy += dx * dy;
+      myy += dy * dy;
+    }
+    const double angle = 0.5 * std::atan2(2.0 * mxy, mxx - myy);
+    Shape s{x / count, y / count, std::cos(angle), std::sin(angle), 1e300, -1e300, 0.0};
+    for (auto it = begin; it != end; ++it) {
+      const Patch& p = patches[index(*it)];
+      for (const double px : {p.x_min, p.x_max}) {
+        for (const double py : {p.y_min, p.y_max}) {
+          const double along = px * s.axis_x + py * s.axis_y;
+          s.from = std::min(s.from, along);
+          s.to = std::max(s.to, along);
+          s.radius = std::max(s.radius, std::hypot(px - s.x, py - s.y));
+        }
+      }
+    }
+    return s;
+  }
+
+  // Makes one circle, or halves the patches across their longest extent until each half fits.
+  void cut(const std::vector<Patch>& patches, Iterator begin, Iterator end, double longest) {
+    const Shape s = shape(patches, begin, end);
+    if (end - begin == 1 || (s.to - s.from <= longest && !holds_keel(s))) {
+      const auto number = static_cast<std::int32_t>(circles_.size());
+      for (auto it = begin; it != end; ++it) circle_of_[index(*it)] = number;
+      circles_.push_back({s.x, s.y, 0.0, points(patches, begin, end)});
+      return;
+    }
+    const double middle = 0.5 * (s.from + s.to);
+    auto half = std::partition(begin, end, [&](std::int32_t i) {
+      const Patch& p = patches[index(i)];
+      return (p.x_sum * s.axis_x + p.y_sum * s.axis_y) / p.count < middle;
+    });
+    if (half == begin || half == end) half = begin + (end - begin) / 2;
+    cut(patches, begin, half, rules_.piece);
+    cut(patches, half, end, rules_.piece);
+  }
+
+  bool holds_keel(const Shape& s) const {
+    if (!rules_.has_hull) return false;
+    const double nearest = std::clamp(s.x, double{rules_.hull_aft}, double{rules_.hull_fore});
+    return std::hypot(s.x - nearest, s.y) < s.radius;
+  }
+
+  void measure(const RangeImage& image, const PatchMap& map) {
+    image.each([&](std::size_t cell) {
+      const std::int32_t number = circle_of(map, cell);
+      if (number == NONE) return;
+      Circle& circle = circles_[index(number)];
+      const double dx = image.echo(cell).x - circle.x, dy = image.echo(cell).y - circle.y;
+      circle.radius = std::max(circle.radius, dx * dx + dy * dy);
+    });
+    for (Circle& circle : circles_) circle.radius = std::sqrt(circle.radius);
+  }
+
+  CircleRules rules_;
+  std::vector<std::int32_t> order_;      // patches, those of one object together
+  std::vector<std::int32_t> object_;     // of each patch
+  std::vector<std::int32_t> circle_of_;  // of each patch
+  std::vector<Circle> circles_;
+};
+
+}  // namespace twinscrew

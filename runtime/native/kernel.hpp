@@ -1,0 +1,57 @@
+// The whole of perception on one core, stage by stage, with its memory kept between scans.
+#pragma once
+
+#include <cstdint>
+
+#include "circles.hpp"
+#include "patches.hpp"
+#include "projection.hpp"
+#include "range_image.hpp"
+#include "scanner.hpp"
+#include "segmentation.hpp"
+
+namespace twinscrew {
+
+class Kernel {
+ public:
+  Kernel(const Scanner& scanner, const Gates& gates, const Criterion& criterion, float reach,
+             float merge_gap, const CircleRules& rules)
+      : scanner_(scanner),
+        image_(scanner.rows(), scanner.columns()),
+        projection_(scanner_, gates),
+        segmentation_(scanner_, criterion),
+        patches_(reach, merge_gap, image_.size()),
+        circles_(rules, image_.size()) {
+    patches_.reserve(image_.size());
+  }
+  Kernel(const Kernel&) = delete;  // the stages refer to the scanner beside them
+  Kernel& operator=(const Kernel&) = delete;
+
+  Counts project(const Cloud& cloud, const Transform& X_BS, const Matrix& R_LB,
+                 const Motion* motion) {
+    return projection_(cloud, X_BS, R_LB, motion, image_);
+  }
+
+  std::int32_t segment() { return components_ = segmentation_(image_, scanner_.wraps()); }
+
+  const std::vector<Circle>& objects() {
+    patches_(image_, segmentation_.labels(), components_);
+    circles_(image_, patches_);
+    return circles_.circles();
+  }
+
+  const RangeImage& image() const { return image_; }
+  const std::vector<std::int32_t>& labels() const { return segmentation_.labels(); }
+  std::int32_t circle_of(std::size_t cell) const { return circles_.circle_of(patches_, cell); }
+
+ private:
+  Scanner scanner_;
+  RangeImage image_;
+  Projection projection_;
+  Segmentation segmentation_;
+  PatchMap patches_;
+  Circles circles_;
+  std::int32_t components_ = 0;
+};
+
+}  // namespace twinscrew

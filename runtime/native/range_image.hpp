@@ -1,0 +1,92 @@
+// The range image: which cells hold an echo, how far it is, where, and which point it was.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <vector>
+
+namespace twinscrew {
+
+// Where a cell's echo is in the levelled frame B, and the number of its point.
+struct Echo {
+  float x, y;  // [m] forward, starboard of the vessel's origin
+  std::int32_t point;
+};
+
+// Occupancy is one bit a cell: clearing and walking cost only what is there.
+class RangeImage {
+ public:
+  RangeImage(int rows, int columns)
+      : rows_(rows),
+        columns_(columns),
+        words_((static_cast<std::size_t>(columns) + 63) / 64),
+        occupied_(static_cast<std::size_t>(rows) * words_),
+        range_(static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns)),
+        echo_(range_.size()) {}
+
+  int rows() const { return rows_; }
+  int columns() const { return columns_; }
+  std::size_t size() const { return range_.size(); }
+
+  void clear() { std::fill(occupied_.begin(), occupied_.end(), 0); }
+
+  std::size_t cell(int row, int column) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(column);
+  }
+
+  bool occupied(int row, int column) const {
+    return (word(row, column) >> (static_cast<unsigned>(column) % 64)) & 1U;
+  }
+
+  // Keeps the nearest echo of a cell. True if the cell was empty.
+  bool put(int row, int column, float range, const Echo& echo) {
+    const std::size_t at = cell(row, column);
+    const bool empty = !occupied(row, column);
+    if (empty || range < range_[at]) {
+      word(row, column) |= std::uint64_t{1} << (static_cast<unsigned>(column) % 64);
+      range_[at] = range;
+      echo_[at] = echo;
+    }
+    return empty;
+  }
+
+  float range(std::size_t cell) const { return range_[cell]; }
+  const Echo& echo(std::size_t cell) const { return echo_[cell]; }
+
+  // Calls visit(column, cell) for the occupied cells of a row, from left to right.
+  template <class Visit>
+  void each_in_row(int row, Visit visit) const {
+    const std::uint64_t* words = &occupied_[static_cast<std::size_t>(row) * words_];
+    for (std::size_t w = 0; w < words_; ++w) {
+      for (std::uint64_t bits = words[w]; bits != 0; bits &= bits - 1) {
+        const int column = static_cast<int>(w * 64) + std::countr_zero(bits);
+        visit(column, cell(row, column));
+      }
+    }
+  }
+
+  // Calls visit(cell) for the occupied cells, lowest row first.
+  template <class Visit>
+  void each(Visit visit) const {
+    for (int row = 0; row < rows_; ++row) {
+      each_in_row(row, [&](int, std::size_t at) { visit(at); });
+    }
+  }
+
+ private:
+  std::uint64_t& word(int row, int column) {
+    return occupied_[static_cast<std::size_t>(row) * words_ + static_cast<std::size_t>(column) / 64];
+  }
+  const std::uint64_t& word(int row, int column) const {
+    return occupied_[static_cast<std::size_t>(row) * words_ + static_cast<std::size_t>(column) / 64];
+  }
+
+  int rows_, columns_;
+  std::size_t words_;
+  std::vector<std::uint64_t> occupied_;
+  std::vector<float> range_;
+  std::vector<Echo> echo_;
+};
+
+}  // namespace twinscrew
