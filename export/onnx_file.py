@@ -1,4 +1,4 @@
-"""One policy, one file: the deterministic actor as a self-contained ONNX graph with its metadata."""
+"""One policy, one file: the actor as a self-contained ONNX graph with its metadata."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ INPUTS = {
     "ego": {
         "shape": ["N", EGO_COLUMNS],
         "frame": "B",
-        "columns": "goal_x goal_y surge sway yaw_rate thrust_left thrust_right".split(),
-        "units": "m m m/s m/s rad/s N N".split(),
+        "columns": ["goal_x", "goal_y", "surge", "sway", "yaw_rate", "thrust_left", "thrust_right"],
+        "units": ["m", "m", "m/s", "m/s", "rad/s", "N", "N"],
     },
     "objects": {
         "shape": ["N", OBSERVED_OBJECTS, OBJECT_COLUMNS],
         "frame": "B",
-        "columns": "x y velocity_x velocity_y radius".split(),
-        "units": "m m m/s m/s m".split(),
+        "columns": ["x", "y", "velocity_x", "velocity_y", "radius"],
+        "units": ["m", "m", "m/s", "m/s", "m"],
     },
     "mask": {
         "shape": ["N", OBSERVED_OBJECTS],
@@ -46,6 +46,8 @@ OUTPUT = "thrust_rate"
 
 class DeployedPolicy(nn.Module):
     """The graph that sails: raw observations in, thrust rates out."""
+
+    factors: Tensor
 
     def __init__(self, actor: nn.Module, *, radius_margin: float, rate_max_n_per_s: float) -> None:
         """Take an actor (observations to actions in [-1, 1]).
@@ -67,8 +69,8 @@ class DeployedPolicy(nn.Module):
 
     def forward(self, ego: Tensor, objects: Tensor, mask: Tensor) -> Tensor:
         """Give thrust rates (N, 2) [N/s], left and right."""
-        action = self.actor(Observations(ego, objects * self.factors, mask))
-        return torch.as_tensor(action * self.rate_max)
+        action: Tensor = self.actor(Observations(ego, objects * self.factors, mask))
+        return action * self.rate_max
 
 
 def example_inputs(count: int, seed: int) -> tuple[Tensor, Tensor, Tensor]:

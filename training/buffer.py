@@ -28,9 +28,8 @@ class Batch(NamedTuple):
 
 def split_rows(rows: Tensor) -> Batch:
     """Read transitions, (B, 78), as a batch."""
-    first, action, reward, discount, last = rows.split(
-        [PACKED_COLUMNS, 2, 1, 1, PACKED_COLUMNS], dim=1
-    )
+    widths = [PACKED_COLUMNS, 2, 1, 1, PACKED_COLUMNS]
+    first, action, reward, discount, last = torch.split(rows, widths, dim=1)
     return Batch(unpack(first), action, reward.squeeze(1), discount.squeeze(1), unpack(last))
 
 

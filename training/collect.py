@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import torch
 
@@ -43,7 +45,7 @@ class Collector:
         self._noise = CorrelatedNoise(settings.exploration, slots, self._generator)
         self._join = NStep(settings.n_steps, settings.discount, slots)
 
-    def step(self, agent: Agent, step: int, *, random: bool) -> Float32:
+    def step(self, agent: Agent[Any], step: int, *, random: bool) -> Float32:
         """Make one decision for every vessel; give the transitions now complete, (K, 78)."""
         action = self._choose(agent, step, random=random)
         result = self.environment.step(action.reshape(*self._shape, 2))
@@ -62,8 +64,8 @@ class Collector:
         self._rows = pack_slots(result.observation)
         return transitions
 
-    def _choose(self, agent: Agent, step: int, *, random: bool) -> Float32:
-        """Give actions, (E V, 2): the agent's with noise, or random ones with probability epsilon."""
+    def _choose(self, agent: Agent[Any], step: int, *, random: bool) -> Float32:
+        """Give actions, (E V, 2): the agent's with noise, or now and then random ones."""
         slots = len(self._rows)
         chance = 1.0 if random else epsilon(self.settings.exploration, step)
         action: Float32 = agent.act(unpack(torch.from_numpy(self._rows)), explore=True).numpy()

@@ -28,7 +28,7 @@ from twinscrew.training.observations import EGO_COLUMNS, OBJECT_COLUMNS, Observa
 Width = Annotated[int, Meta(ge=8, le=2048)]
 
 
-class EncoderSettings(Settings):
+class EncoderSettings(Settings, frozen=True):
     """How observations become features."""
 
     kind: Literal["set", "paper"] = "set"
@@ -56,6 +56,9 @@ class Seen(NamedTuple):
 
 class See(nn.Module):
     """Turns observations into features; nothing here is learnt, so it is done once a batch."""
+
+    ego_scale: Tensor
+    object_scale: Tensor
 
     def __init__(self, settings: EncoderSettings) -> None:
         super().__init__()

@@ -8,7 +8,7 @@ from twinscrew.runtime.messages.types import Float32
 from twinscrew.runtime.settings import Count, Fraction, NonNegative, Settings
 
 
-class ExplorationSettings(Settings):
+class ExplorationSettings(Settings, frozen=True):
     """How far, and for how long, experience departs from the policy."""
 
     epsilon_start: Fraction = 0.3

@@ -12,7 +12,7 @@ from torch import Tensor
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
 
 
-class Scales(Settings):
+class Scales(Settings, frozen=True):
     """The numbers that bring raw SI units to about one."""
 
     length_m: Positive = 20.0
@@ -85,7 +85,7 @@ def object_features(ego: Tensor, objects: Tensor, scales: Scales) -> Tensor:
         The scaled state (5); direction (2); relative velocity (2); gap between the hulls and its
         closeness; closing speed; time to, and gap at, the closest approach if neither turns.
     """
-    position, velocity, radius = objects.split([2, 2, 1], dim=-1)
+    position, velocity, radius = torch.split(objects, [2, 2, 1], dim=-1)
     relative = velocity - ego[:, None, 2:4]
     distance = _length(position)
     direction = position / distance

@@ -16,7 +16,7 @@ ACTIONS = 2
 """[-] Left and right rate of change of thrust, in (-1, 1)."""
 
 
-class NetworkSettings(EncoderSettings):
+class NetworkSettings(EncoderSettings, frozen=True):
     """The networks of an agent."""
 
     critic: Literal["joined", "paper"] = "joined"
@@ -55,6 +55,8 @@ class Actor(nn.Module):
 class CosineEmbedding(nn.Module):
     """Features of quantile fractions: ReLU(W cos(pi i tau) + b), i = 0, 1, ... (IQN, eq. 4)."""
 
+    frequencies: Tensor
+
     def __init__(self, cosines: int, width: int) -> None:
         super().__init__()
         self.layer = nn.Linear(cosines, width)
@@ -84,7 +86,8 @@ class PaperQuantileCritic(nn.Module):
         state = self.encoder(seen)[:, None, :]
         hidden = torch.relu(self.hidden1(state * self.embedding(fractions)))
         hidden = hidden * torch.relu(self.action(action))[:, None, :]
-        return self.output(torch.relu(self.hidden2(hidden))).squeeze(-1)
+        value: Tensor = self.output(torch.relu(self.hidden2(hidden)))
+        return value.squeeze(-1)
 
 
 class QuantileCritic(nn.Module):
@@ -113,9 +116,12 @@ class QuantileCritic(nn.Module):
         # weights, and no (B, N, width) product is ever formed.
         embedding = self.embedding(fractions)
         weight = self.hidden.weight.to(embedding.dtype) * embedding[:, None, :]
-        hidden = functional.linear(joined, weight.flatten(0, 1), self.hidden.bias.repeat(len(embedding)))
-        hidden = torch.relu(hidden).unflatten(1, (len(embedding), -1))
-        return self.output(hidden).squeeze(-1)
+        hidden = functional.linear(
+            joined, weight.flatten(0, 1), self.hidden.bias.repeat(len(embedding))
+        )
+        hidden = torch.relu(hidden).view(len(joined), len(embedding), -1)
+        value: Tensor = self.output(hidden)
+        return value.squeeze(-1)
 
 
 def make_quantile_critic(settings: NetworkSettings) -> PaperQuantileCritic | QuantileCritic:
@@ -133,4 +139,5 @@ class Pilot(nn.Module):
 
     def forward(self, observations: Observations) -> Tensor:
         """Give actions (B, 2) in [-1, 1]."""
-        return torch.as_tensor(self.actor(self.see(observations)))
+        action: Tensor = self.actor(self.see(observations))
+        return action

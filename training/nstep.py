@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,12 +51,12 @@ class NStep:
         done = step.terminated | step.truncated
         going_on = np.where(step.terminated, 0.0, 1.0)
         reward = np.zeros(len(step.reward))
-        complete = []
+        complete: list[Float32] = []
         for back, start in enumerate(reversed(self._steps)):
             reward = start.reward + self.discount * reward
             oldest = back + 1 == self._steps.maxlen
             ready = np.flatnonzero((self._length > back) & (done | oldest))
-            parts = [
+            parts: list[NDArray[Any]] = [
                 start.observation[ready],
                 start.action[ready],
                 reward[ready, None],

@@ -56,7 +56,7 @@ class Training:
     def _run_phase(self, phase: Phase, logs: Logs, progress: Progress) -> None:
         s = self.settings
         agent, environment = phase_settings(s, phase)
-        self.agent.settings = agent
+        self.agent.retune(agent)
         if not phase.keep_replay:
             self.replay.clear()
         collector = Collector(s, environment, self.seed, self.step)

@@ -15,7 +15,7 @@ from twinscrew.training.environment import EnvironmentSettings
 from twinscrew.training.exploration import ExplorationSettings
 
 
-class Phase(Settings, kw_only=True):
+class Phase(Settings, frozen=True, kw_only=True):
     """A stretch of training under its own conditions, as one line of the paper's curriculum."""
 
     name: str
@@ -24,13 +24,13 @@ class Phase(Settings, kw_only=True):
     """[environment steps] How long; one step moves every vessel of every parallel episode."""
     keep_replay: bool = True
     """Go on with the old transitions; false where the rewards have changed."""
-    environment: dict[str, Any] = {}
+    environment: dict[str, Any] = msgspec.field(default_factory=dict)
     """What differs from `environment`."""
-    agent: dict[str, Any] = {}
+    agent: dict[str, Any] = msgspec.field(default_factory=dict)
     """What differs from `agent`, networks apart."""
 
 
-class TrainSettings(Settings, kw_only=True):
+class TrainSettings(Settings, frozen=True, kw_only=True):
     """A training run."""
 
     agent: AnyAgentSettings

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor
 
 from twinscrew.training.collect import pack_slots
 from twinscrew.training.environment import EnvironmentSettings, VectorEnv
-from twinscrew.training.observations import unpack
+from twinscrew.training.observations import Observations, unpack
 from twinscrew.training.scenarios import ScenarioSettings
+
+Decide: TypeAlias = Callable[[Observations], Tensor]
+"""A policy in batches: observations to actions (B, 2) in [-1, 1]."""
 
 SETTINGS = ((3, 0, 30.0), (4, 0, 35.0), (5, 0, 40.0), (5, 2, 40.0), (5, 3, 40.0), (5, 4, 40.0))
 """Robots, buoys, least distance from start to goal [m]: the paper's six (table I)."""
@@ -54,14 +58,14 @@ class Score(NamedTuple):
         }
 
 
-def validate(policy: nn.Module, episodes: int, seed: int) -> Score:
+def validate(policy: Decide, episodes: int, seed: int) -> Score:
     """Sail `episodes` in each setting, greedily, in the environment as published."""
     pairs = [_setting(policy, row, episodes, seed) for row in SETTINGS]
     return Score(tuple(rate for rate, _ in pairs), tuple(time for _, time in pairs))
 
 
 def _setting(
-    policy: nn.Module, row: tuple[int, int, float], episodes: int, seed: int
+    policy: Decide, row: tuple[int, int, float], episodes: int, seed: int
 ) -> tuple[float, float]:
     robots, buoys, distance = row
     scenario = ScenarioSettings(robots=robots, buoys=buoys, min_distance_m=distance)
@@ -76,9 +80,7 @@ def _setting(
         result = environment.step(action.reshape(episodes, robots, 2))
         seen = result.observation
         failed |= result.collided.any(axis=1)
-        times.extend(np.broadcast_to(result.elapsed_s[:, None], failed.shape + (robots,))[
-            result.reached
-        ])
+        times.extend(np.repeat(result.elapsed_s, result.reached.sum(axis=1)).tolist())
         if not environment.active.any():
             break
     failed |= environment.active.any(axis=1)

@@ -14,8 +14,8 @@ from torch import Tensor, nn
 
 from twinscrew.runtime.settings import Count, Positive
 from twinscrew.training.agents.base import (
+    Agent,
     AgentSettings,
-    Learner,
     Metrics,
     Rate,
     adam,
@@ -25,18 +25,18 @@ from twinscrew.training.agents.base import (
     wide,
 )
 from twinscrew.training.buffer import Batch
+from twinscrew.training.encoders import See, Seen
 from twinscrew.training.losses import (
     quantile_huber,
     stratified_fractions,
     td_target,
     uniform_fractions,
 )
-from twinscrew.training.encoders import See, Seen
 from twinscrew.training.networks import ACTIONS, Actor, Pilot, make_quantile_critic
 from twinscrew.training.observations import Observations
 
 
-class AcIqnSettings(AgentSettings, tag_field="algorithm", tag="ac_iqn"):
+class AcIqnSettings(AgentSettings, frozen=True, tag_field="algorithm", tag="ac_iqn"):
     """AC-IQN."""
 
     actor_rate: Positive = 3e-4
@@ -51,12 +51,11 @@ class AcIqnSettings(AgentSettings, tag_field="algorithm", tag="ac_iqn"):
     """[-] alpha: the actor maximises the mean of the worst share alpha of the returns (CVaR)."""
 
 
-class AcIqn(Learner):
+class AcIqn(Agent[AcIqnSettings]):
     """The learner of algorithm 2."""
 
     def __init__(self, settings: AcIqnSettings, seed: int, device: str = "cpu") -> None:
-        super().__init__(seed, device)
-        self.settings = settings
+        super().__init__(settings, seed, device)
         self.see = See(settings.network).to(self.device)
         self.actor = Actor(settings.network).to(self.device)
         self.critic = make_quantile_critic(settings.network).to(self.device)
@@ -79,7 +78,8 @@ class AcIqn(Learner):
         """Give the actor's actions, (B, 2); exploration is added outside."""
         with torch.no_grad(), wide(self.settings.bfloat16, self.device.type):
             actor = self.actor if explore else self.average_actor
-            return torch.as_tensor(actor(self.see(observations))).float()
+            action: Tensor = actor(self.see(observations))
+        return action.float()
 
     def random(self, count: int) -> Tensor:
         """Give uniform actions, (count, 2) in [-1, 1]."""
@@ -121,7 +121,8 @@ class AcIqn(Learner):
         fractions = self._fractions(len(seen.ego), upper=self.settings.risk)
         with wide(self.settings.bfloat16, self.device.type):
             quantiles = self.critic(seen, self.actor(seen), fractions)
-        return quantiles.float().mean()
+        value: Tensor = quantiles.float().mean()
+        return value
 
     def deployed(self) -> nn.Module:
         """Give the averaged actor."""

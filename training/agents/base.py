@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any, Generic, TypeVar
 
 import torch
 from msgspec import Meta
@@ -18,7 +19,7 @@ Rate = Annotated[float, Meta(gt=0.0, le=1.0)]
 Metrics = dict[str, Tensor]
 
 
-class AgentSettings(Settings):
+class AgentSettings(Settings, frozen=True):
     """What all agents are told."""
 
     network: NetworkSettings = NetworkSettings()
@@ -39,69 +40,39 @@ class AgentSettings(Settings):
     """Multiply matrices in bfloat16; outputs, targets, losses and parameters stay float32."""
 
 
-class Agent(Protocol):
-    """A learner."""
-
-    def act(self, observations: Observations, *, explore: bool) -> Tensor:
-        """Give actions (B, 2) in [-1, 1]; `explore` adds the agent's own noise, if it has any."""
-
-    def random(self, count: int) -> Tensor:
-        """Give random actions (count, 2) in [-1, 1] of the kind that the agent can take."""
-
-    def update(self, batch: Batch, progress: float) -> Metrics:
-        """Learn from a batch; `progress`, in [0, 1], through the phase sets the learning rates."""
-
-    def deployed(self) -> nn.Module:
-        """Give the policy that is evaluated and exported: observations to actions (B, 2)."""
-
-    def state(self) -> dict[str, Any]:
-        """Give all that is learnt, as tensors, numbers and plain containers of them."""
-
-    def restore(self, state: dict[str, Any]) -> None:
-        """Take a `state` back."""
+S = TypeVar("S", bound=AgentSettings)
 
 
-def blend(target: nn.Module, online: nn.Module, rate: float) -> None:
-    """Update a target network: theta' <- rate theta + (1 - rate) theta' (alg. 2)."""
-    with torch.no_grad():
-        for old, new in zip(target.parameters(), online.parameters(), strict=True):
-            old.lerp_(new, rate)
+class Agent(ABC, Generic[S]):
+    """A learner: its named networks and optimisers, a generator, a count of updates."""
 
-
-def descend(
-    optimizer: torch.optim.Optimizer, loss: Tensor, parameters: Iterable[Tensor], norm: float
-) -> None:
-    """Take one step down the gradient of a loss, the gradient's norm limited."""
-    optimizer.zero_grad()
-    loss.backward()
-    nn.utils.clip_grad_norm_(parameters, norm)
-    optimizer.step()
-
-
-def adam(module: nn.Module, rate: float) -> torch.optim.Adam:
-    """Give Adam over a module's parameters."""
-    return torch.optim.Adam(module.parameters(), lr=rate, fused=True)
-
-
-def anneal(optimizer: torch.optim.Optimizer, rate: float, final: float, progress: float) -> None:
-    """Set the learning rate: linear from `rate` to `final` times it over progress in [0, 1]."""
-    for group in optimizer.param_groups:
-        group["lr"] = rate * (1.0 - (1.0 - final) * min(max(progress, 0.0), 1.0))
-
-
-def wide(enabled: bool, device: str = "cpu") -> torch.autocast:
-    """Multiply matrices in bfloat16 inside this context, if enabled."""
-    return torch.autocast(device, dtype=torch.bfloat16, enabled=enabled)
-
-
-class Learner:
-    """What a learner remembers: named networks and optimisers, a generator, a count of updates."""
-
-    def __init__(self, seed: int, device: str) -> None:
+    def __init__(self, settings: S, seed: int, device: str) -> None:
+        self.settings = settings
         self.device = torch.device(device)
         self.generator = torch.Generator().manual_seed(seed)
         self.updates = 0
         self._parts: dict[str, nn.Module | torch.optim.Optimizer] = {}
+        torch.manual_seed(seed)  # what initialises the networks
+
+    @abstractmethod
+    def act(self, observations: Observations, *, explore: bool) -> Tensor:
+        """Give actions (B, 2) in [-1, 1]; `explore` adds the agent's own noise, if it has any."""
+
+    @abstractmethod
+    def random(self, count: int) -> Tensor:
+        """Give random actions (count, 2) in [-1, 1] of the kind that the agent can take."""
+
+    @abstractmethod
+    def update(self, batch: Batch, progress: float) -> Metrics:
+        """Learn from a batch; `progress`, in [0, 1], through the phase sets the learning rates."""
+
+    @abstractmethod
+    def deployed(self) -> nn.Module:
+        """Give the policy that is evaluated and exported: observations to actions (B, 2)."""
+
+    def retune(self, settings: S) -> None:
+        """Go on under other settings; the networks stay."""
+        self.settings = settings
 
     def keep(self, **parts: nn.Module | torch.optim.Optimizer) -> None:
         """Name the parts that a checkpoint holds."""
@@ -124,3 +95,36 @@ class Learner:
             part.load_state_dict(state[name])
         self.generator.set_state(state["generator"])
         self.updates = int(state["updates"])
+
+
+def blend(target: nn.Module, online: nn.Module, rate: float) -> None:
+    """Update a target network: theta' <- rate theta + (1 - rate) theta' (alg. 2)."""
+    with torch.no_grad():
+        for old, new in zip(target.parameters(), online.parameters(), strict=True):
+            old.lerp_(new, rate)
+
+
+def descend(
+    optimizer: torch.optim.Optimizer, loss: Tensor, parameters: Iterable[Tensor], norm: float
+) -> None:
+    """Take one step down the gradient of a loss, the gradient's norm limited."""
+    optimizer.zero_grad()
+    torch.autograd.backward(loss)
+    nn.utils.clip_grad_norm_(parameters, norm)
+    optimizer.step()
+
+
+def adam(module: nn.Module, rate: float) -> torch.optim.Adam:
+    """Give Adam over a module's parameters."""
+    return torch.optim.Adam(module.parameters(), lr=rate, fused=True)
+
+
+def anneal(optimizer: torch.optim.Optimizer, rate: float, final: float, progress: float) -> None:
+    """Set the learning rate: linear from `rate` to `final` times it over progress in [0, 1]."""
+    for group in optimizer.param_groups:
+        group["lr"] = rate * (1.0 - (1.0 - final) * min(max(progress, 0.0), 1.0))
+
+
+def wide(enabled: bool, device: str = "cpu") -> torch.autocast:
+    """Multiply matrices in bfloat16 inside this context, if enabled."""
+    return torch.autocast(device, dtype=torch.bfloat16, enabled=enabled)

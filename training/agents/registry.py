@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from twinscrew.training.agents.ac_iqn import AcIqn, AcIqnSettings
 from twinscrew.training.agents.base import Agent
@@ -11,7 +11,7 @@ AnyAgentSettings: TypeAlias = AcIqnSettings
 """The settings of every learner; the key `algorithm` says of which."""
 
 
-def make_agent(settings: AnyAgentSettings, seed: int, device: str) -> Agent:
+def make_agent(settings: AnyAgentSettings, seed: int, device: str) -> Agent[Any]:
     """Build the learner that the settings are of."""
     return AcIqn(settings, seed, device)
 

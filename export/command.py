@@ -1,0 +1,103 @@
+"""`twinscrew export`: a training run's best actor as an ONNX file, with its card beside it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import torch
+import typer
+from rich.console import Console
+
+from twinscrew.export.card import scores, write_card
+from twinscrew.export.onnx_file import (
+    FORMAT,
+    INPUTS,
+    DeployedPolicy,
+    onnx_bytes,
+    write_atomically,
+)
+from twinscrew.export.parity import OnnxFile, check_parity
+from twinscrew.export.run_dir import load_run
+from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
+from twinscrew.training import runs
+from twinscrew.training.agents.registry import algorithm
+from twinscrew.training.environment import RATE_LIMIT
+from twinscrew.training.train_settings import TrainSettings
+from twinscrew.training.validate import validate
+
+RADIUS_MARGIN = 1.25
+"""[-] A LiDAR sees 0.8 of a hull's radius on average (parameters.md): this undoes it."""
+
+
+def export(
+    run_dir: Annotated[Path, typer.Argument(help="A training run's directory (of one seed).")],
+    out: Annotated[Path, typer.Option(help="The ONNX file; its card goes beside it.")],
+    margin: Annotated[
+        float, typer.Option(min=0.5, max=2.0, help="Factor on observed radii, in the graph.")
+    ] = RADIUS_MARGIN,
+    episodes: Annotated[
+        int, typer.Option(min=1, help="For the card, in each of the six settings.")
+    ] = 1000,
+    seed: Annotated[int, typer.Option(min=0, help="Of the card's episodes.")] = 90_210,
+    last: Annotated[bool, typer.Option(help="The last checkpoint instead of the best.")] = False,
+    json_: Annotated[bool, typer.Option("--json", help="Print the card.")] = False,
+) -> None:
+    """Turn a training run's actor into a self-contained ONNX file."""
+    console = Console(stderr=True)
+    policy, settings, trained = load_run(run_dir, runs.CHECKPOINT if last else runs.BEST)
+    deployed = DeployedPolicy(policy, radius_margin=margin, rate_max_n_per_s=RATE_LIMIT)
+    metadata = describe(settings, margin, f"{run_dir.resolve().name} seed {trained['seed']}")
+    write_atomically(onnx_bytes(deployed, metadata), out)
+    parity = check_parity(deployed, out)
+    console.print(
+        f"{out}: {parity.max_difference_n_per_s:.2g} N/s from the network over "
+        f"{parity.observations} observations, {parity.decision_ms:.3f} ms a decision"
+    )
+    with console.status(f"{episodes} episodes in each of the six settings"):
+        scored = scores(validate(OnnxFile(out), episodes, seed), episodes, seed)
+    card = write_card(out, metadata, trained, parity, scored)
+    for row in scored["settings"]:
+        console.print(
+            f"{row['robots']} vessels, {row['buoys']} buoys: {row['success_rate']:.1%} "
+            f"in {row['travel_time_s']} s"
+        )
+    if json_:
+        print(card.read_text(encoding="utf-8"), end="")
+
+
+def describe(settings: TrainSettings, margin: float, run: str) -> dict[str, str]:
+    """Give the metadata of a policy file: strings, as ONNX wants them."""
+    environment = settings.environment
+    vessel = environment.vessel
+    return {
+        "twinscrew_format": FORMAT,
+        "algorithm": algorithm(settings.agent),
+        "decision_period_s": str(environment.period_s),
+        "thrust_min_n": str(vessel.thrust_min_n),
+        "thrust_max_n": str(vessel.thrust_max_n),
+        "thrust_rate_max_n_per_s": str(RATE_LIMIT),
+        "observed_objects": str(OBSERVED_OBJECTS),
+        "perception_range_m": str(environment.range_m),
+        "radius_margin": str(margin),
+        "inputs": json.dumps(INPUTS),
+        "training_run": run,
+        "commit": _commit(),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "torch": torch.__version__,
+    }
+
+
+def _commit() -> str:
+    """Name the source's commit; "unknown" outside a checkout."""
+    try:
+        words = ["git", "rev-parse", "--short=12", "HEAD"]
+        found = subprocess.run(
+            words, capture_output=True, text=True, check=True, cwd=Path(__file__).parent
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return found.stdout.strip()

@@ -1,0 +1,104 @@
+"""Whether the file says what the network says, and how fast it is."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import onnxruntime as ort
+import torch
+from torch import Tensor
+
+from twinscrew.export.onnx_file import INPUTS, OUTPUT, DeployedPolicy, example_inputs
+from twinscrew.runtime.errors import PolicyError
+from twinscrew.training.environment import EnvironmentSettings, VectorEnv
+from twinscrew.training.observations import Observations
+from twinscrew.training.scenarios import ScenarioSettings
+
+TOLERANCE_N_PER_S = 0.05
+"""[N/s] Of a range of +-1000: float32 sums in another order differ by less."""
+
+
+class Parity(NamedTuple):
+    """What the comparison gave."""
+
+    observations: int
+    """[-] How many were compared."""
+    max_difference_n_per_s: float
+    """[N/s] Greatest difference of a thrust rate, in batches and one by one."""
+    decision_ms: float
+    """[ms] Median time of one decision, one thread."""
+
+
+class OnnxFile:
+    """An exported policy, asked in batches."""
+
+    def __init__(self, file: Path) -> None:
+        options = ort.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        self._session = ort.InferenceSession(str(file), options, ["CPUExecutionProvider"])
+        self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
+
+    def rates(self, observations: Observations) -> Tensor:
+        """Give thrust rates, (N, 2) [N/s]."""
+        feed = {name: part.numpy() for name, part in zip(INPUTS, observations, strict=True)}
+        return torch.from_numpy(self._session.run([OUTPUT], feed)[0])
+
+    def __call__(self, observations: Observations) -> Tensor:
+        """Give actions, (N, 2) in [-1, 1], as the environment takes them."""
+        return self.rates(observations) / float(self.metadata["thrust_rate_max_n_per_s"])
+
+
+def check_parity(policy: DeployedPolicy, file: Path) -> Parity:
+    """Compare a file with the network it was made from.
+
+    On random observations and on some recorded in crowded episodes, in batches and one by one.
+
+    Raises
+    ------
+    PolicyError
+        They differ by more than `TOLERANCE_N_PER_S`.
+    """
+    session = OnnxFile(file)
+    batches = [Observations(*example_inputs(1000, seed=1)), recorded_observations()]
+    single = [Observations(*(part[k : k + 1] for part in batches[1])) for k in range(100)]
+    with torch.no_grad():
+        worst = max(
+            float((session.rates(batch) - policy(*batch)).abs().max())
+            for batch in [*batches, *single]
+        )
+    if not worst <= TOLERANCE_N_PER_S:
+        raise PolicyError(
+            f"{file}: differs from the network by {worst:.3g} N/s; "
+            f"allowed: up to {TOLERANCE_N_PER_S} N/s"
+        )
+    count = sum(len(batch.ego) for batch in batches)
+    return Parity(count, worst, _decision_ms(session, single))
+
+
+def recorded_observations(decisions: int = 40, seed: int = 11) -> Observations:
+    """Give what vessels see while they sail at random in the most crowded setting."""
+    row = ScenarioSettings(robots=5, buoys=4, min_distance_m=40.0)
+    environment = VectorEnv(EnvironmentSettings(scenarios=(row,)), 8, seed)
+    generator = np.random.default_rng(seed)
+    seen, parts = environment.reset(), []
+    for _ in range(decisions):
+        parts.append([part.reshape(-1, *part.shape[2:]) for part in seen])
+        seen = environment.step(generator.uniform(-0.5, 1.0, (8, 5, 2))).observation
+    ego, objects, mask = (
+        torch.from_numpy(np.concatenate(part)) for part in zip(*parts, strict=True)
+    )
+    return Observations(ego, objects, mask)
+
+
+def _decision_ms(session: OnnxFile, observations: list[Observations]) -> float:
+    """Time decisions one by one, several times over, and give the median in milliseconds."""
+    times = []
+    for _ in range(10):
+        for observation in observations:
+            start = time.perf_counter()
+            session.rates(observation)
+            times.append(time.perf_counter() - start)
+    return float(np.median(times)) * 1e3

@@ -1,0 +1,49 @@
+"""From a training run's directory to the network that it learnt."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from torch import nn
+
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.settings import convert
+from twinscrew.training import runs
+from twinscrew.training.agents.registry import algorithm, make_agent
+from twinscrew.training.train_settings import TrainSettings
+
+
+def load_run(
+    folder: Path, checkpoint: str = runs.BEST
+) -> tuple[nn.Module, TrainSettings, dict[str, Any]]:
+    """Read a run directory.
+
+    Returns
+    -------
+    policy, settings, trained
+        The network (observations to actions); what the run was told; how it came about, for the
+        policy's card.
+
+    Raises
+    ------
+    ConfigError
+        It is not a run directory, or its checkpoint cannot be read.
+    """
+    file = folder / runs.CONFIG
+    if not file.is_file():
+        raise ConfigError(f"no training run here ({runs.CONFIG} is missing)", file=folder)
+    told = json.loads(file.read_text(encoding="utf-8"))
+    settings = convert(told["settings"], TrainSettings, file=file)
+    content = runs.load_checkpoint(folder / checkpoint, algorithm(settings.agent))
+    agent = make_agent(settings.agent, told["seed"], "cpu")
+    agent.restore(content["agent"])
+    log = runs.read_records(folder / runs.LOG)
+    trained = {
+        "configuration": told["settings"],
+        "seed": told["seed"],
+        "checkpoint": {**content["where"], "selected_on": json.loads(content["score"])},
+        "machine": next((r["machine"] for r in log if r["event"] == "start"), "unknown"),
+    }
+    return agent.deployed(), settings, trained
