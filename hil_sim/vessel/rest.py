@@ -67,7 +67,10 @@ def equilibrium(dynamics: VesselDynamics) -> tuple[float, float]:
         a = _unbalanced(dynamics, x + NUDGE * np.array([[0, 0], [1, 0], [0, 1]]), water)
         if np.all(np.abs(a[0]) < TOLERANCE):
             return float(x[0]), float(x[1])
-        x = x - np.linalg.solve(((a[1:] - a[0]) / NUDGE).T, a[0])
+        slope = ((a[1:] - a[0]) / NUDGE).T
+        if np.linalg.matrix_rank(slope) < 2:  # out of the water, or as deep as the model goes
+            break
+        x = x - np.linalg.solve(slope, a[0])
     raise ConfigError("the vessel finds no equilibrium on still water")
 
 
