@@ -81,6 +81,8 @@ class AutopilotLink:
             messages.append(commands.heartbeat())
         if self._listener.connected(now_s):
             messages += self._requests(now_s)
+        if self._commanded_s == -math.inf:
+            self._commanded_s = now_s
         late = now_s - self._commanded_s > commands.COMMAND_STALE_S
         stop = self.command((0.0, 0.0), now_s) if late else b""
         return b"".join(self.wire.encode(message) for message in messages) + stop

@@ -1,4 +1,4 @@
-"""MAVLink 2 on the wire: bytes to messages and back, without any socket.
+"""MAVLink 2 (and no older one) on the wire: bytes to messages and back, without any socket.
 
 The dialect module does the encoding; the framing is ours, because a false start byte must not
 swallow the good frames behind it, and because a peer without the key must not be able to move a
@@ -17,7 +17,7 @@ from twinscrew.runtime.link.signing import Signing, signed_codec
 Message: TypeAlias = Any
 """A message of the dialect: `mavlink.MAVLink_*_message` (pymavlink carries no stub files)."""
 
-_STARTS = (mavlink.PROTOCOL_MARKER_V1, mavlink.PROTOCOL_MARKER_V2)
+_START = bytes([mavlink.PROTOCOL_MARKER_V2])
 _CRC_LENGTH = 2
 
 
@@ -64,40 +64,36 @@ class Wire:
         buffer += data
         messages: list[Message] = []
         start = 0
-        while (start := _next_start(buffer, start)) < len(buffer):
+        while (start := buffer.find(_START, start)) >= 0:
             length = _frame_length(buffer, start)
             if length is None or start + length > len(buffer):
-                break
-            message = self._decode_frame(buffer[start : start + length])
+                del buffer[:start]
+                return messages
+            message = self._decode_frame(buffer[start : start + length]) if length else None
             if message is None:
-                start += 1  # a false or damaged start: a good frame may lie inside
+                start += 1  # a false start, a damaged or unknown frame: a good one may lie inside
                 continue
             start += length
-            if message.get_msgId() >= 0:  # the dialect marks what it does not know by -1
-                messages.append(message)
-        del buffer[:start]
+            messages.append(message)
+        buffer.clear()
         return messages
 
     def _decode_frame(self, frame: bytearray) -> Message | None:
         try:
-            return self._codec.decode(frame)
+            message = self._codec.decode(frame)
+            # one that the dialect does not know was not checked: it has no name to check it by
+            return None if message.get_msgId() == mavlink.MAVLINK_MSG_ID_UNKNOWN else message
         except (mavlink.MAVError, struct.error, ValueError):
             self.bad_frames += 1
             return None
 
 
-def _next_start(buffer: bytearray, start: int) -> int:
-    while start < len(buffer) and buffer[start] not in _STARTS:
-        start += 1
-    return start
-
-
 def _frame_length(buffer: bytearray, start: int) -> int | None:
-    """Give the whole frame's length [bytes], or None while its header is not complete."""
+    """Give the whole frame's length [bytes], 0 if it cannot be one, None if that cannot be told."""
     if len(buffer) - start < 3:
         return None
-    marker, payload, flags = buffer[start : start + 3]
-    if marker == mavlink.PROTOCOL_MARKER_V1:
-        return int(mavlink.HEADER_LEN_V1) + payload + _CRC_LENGTH
-    signature = mavlink.MAVLINK_SIGNATURE_BLOCK_LEN if flags & mavlink.MAVLINK_IFLAG_SIGNED else 0
+    payload, flags = buffer[start + 1], buffer[start + 2]
+    if flags & ~mavlink.MAVLINK_IFLAG_SIGNED:
+        return 0
+    signature = mavlink.MAVLINK_SIGNATURE_BLOCK_LEN if flags else 0
     return int(mavlink.HEADER_LEN_V2) + payload + _CRC_LENGTH + signature

@@ -1,0 +1,109 @@
+import pytest
+
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.link.commands import heartbeat
+from twinscrew.runtime.link.signing import EPOCH_S, Signing, read_key
+from twinscrew.runtime.link.wire import Wire
+
+KEY, OTHER_KEY = bytes(range(32)), bytes(32)
+NOW_S = EPOCH_S + 3.6e8
+
+
+class Clock:
+    def __init__(self, now_s=NOW_S):
+        self.now_s = now_s
+
+    def __call__(self):
+        return self.now_s
+
+
+def end(key, clock=None, system=1):
+    return Wire(system, 1, Signing(key, wall_clock=clock or Clock()))
+
+
+def test_a_frame_signed_with_the_same_key_is_heard():
+    assert len(end(KEY, system=2).decode(end(KEY).encode(heartbeat()))) == 1
+
+
+def test_unsigned_and_wrongly_signed_frames_are_refused_and_counted():
+    ear = end(KEY, system=2)
+    assert ear.decode(Wire(1, 1).encode(heartbeat())) == []
+    assert ear.decode(end(OTHER_KEY).encode(heartbeat())) == []
+    assert ear.bad_frames >= 2
+
+
+def test_a_mavlink_1_frame_is_refused_because_it_cannot_be_signed():
+    ear, codec = end(KEY, system=2), Wire(1, 1)._codec
+    assert ear.decode(heartbeat().pack(codec, force_mavlink1=True)) == []
+
+
+def test_a_frame_heard_twice_counts_once():
+    ear, frame = end(KEY, system=2), end(KEY).encode(heartbeat())
+    assert len(ear.decode(frame)) == 1
+    assert ear.decode(frame) == []
+
+
+def test_an_old_recording_is_refused_by_an_ear_that_was_just_switched_on():
+    clock = Clock()
+    frame = end(KEY, clock).encode(heartbeat())
+    late = Clock(NOW_S + 61.0)
+    assert end(KEY, late, system=2).decode(frame) == []
+
+
+def test_a_peer_that_restarts_is_heard_at_once():
+    ear, clock = end(KEY, system=2), Clock()
+    for _ in range(100):
+        peer = end(KEY, clock)  # each time a new one, which knows no earlier timestamp
+        assert len(ear.decode(peer.encode(heartbeat()))) == 1
+        clock.now_s += 1.0
+
+
+def test_a_forged_frame_from_the_future_does_not_shut_the_true_peer_out():
+    ear, peer = end(KEY, system=2), end(KEY)
+    assert len(ear.decode(peer.encode(heartbeat()))) == 1
+    forger = end(OTHER_KEY, Clock(NOW_S + 1e6))
+    assert ear.decode(forger.encode(heartbeat())) == []
+    assert len(ear.decode(peer.encode(heartbeat()))) == 1
+
+
+def test_timestamps_follow_the_wall_clock_and_never_go_back():
+    clock = Clock()
+    wire = end(KEY, clock)
+    stamps = []
+    for step_s in (0.0, 10.0, -100.0, 0.0):
+        clock.now_s += step_s
+        stamps.append(int.from_bytes(wire.encode(heartbeat())[-12:-6], "little"))
+    assert stamps[0] == round((NOW_S - EPOCH_S) * 1e5)
+    assert stamps == sorted(set(stamps))
+    assert stamps[1] - stamps[0] == 1_000_000
+
+
+@pytest.mark.parametrize("content", [KEY, KEY.hex().encode() + b"\n"])
+def test_a_key_file_holds_bytes_or_hexadecimal_digits(tmp_path, content):
+    path = tmp_path / "key"
+    path.write_bytes(content)
+    path.chmod(0o600)
+    assert read_key(path) == KEY
+
+
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o660])
+def test_a_key_that_others_may_use_is_refused(tmp_path, mode):
+    path = tmp_path / "key"
+    path.write_bytes(KEY)
+    path.chmod(mode)
+    with pytest.raises(ConfigError, match=r"chmod 600"):
+        read_key(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"short", b"zz" * 32, KEY + b"\n", b"00" * 31])
+def test_what_is_no_key_is_refused(tmp_path, content):
+    path = tmp_path / "key"
+    path.write_bytes(content)
+    path.chmod(0o600)
+    with pytest.raises(ConfigError):
+        read_key(path)
+
+
+def test_a_missing_key_file_is_named(tmp_path):
+    with pytest.raises(ConfigError, match="nowhere"):
+        read_key(tmp_path / "nowhere")

@@ -1,0 +1,77 @@
+import struct
+
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from twinscrew.runtime.link.commands import heartbeat
+from twinscrew.runtime.link.wire import Wire
+
+
+def attitude(roll=0.1):
+    return mavlink.MAVLink_attitude_message(1000, roll, 0.2, 0.3, 0.0, 0.0, 0.0)
+
+
+def test_what_one_end_says_the_other_hears():
+    (heard,) = Wire(2, 191).decode(Wire(1, 1).encode(attitude()))
+    assert heard.get_type() == "ATTITUDE"
+    assert (heard.get_srcSystem(), heard.get_srcComponent()) == (1, 1)
+
+
+def test_frames_are_numbered():
+    wire, ear = Wire(1, 1), Wire(2, 1)
+    frames = b"".join(wire.encode(heartbeat()) for _ in range(257))
+    assert [m.get_seq() for m in ear.decode(frames)] == [*range(256), 0]
+
+
+def test_a_frame_may_come_byte_by_byte():
+    ear = Wire(2, 1)
+    heard = [m for byte in Wire(1, 1).encode(attitude()) for m in ear.decode(bytes([byte]))]
+    assert len(heard) == 1
+
+
+def test_a_false_start_does_not_swallow_the_frames_behind_it():
+    wire, ear = Wire(1, 1), Wire(2, 1)
+    rolls = [0.125 * n for n in range(6)]
+    frames = [wire.encode(attitude(roll)) for roll in rolls]
+    false_start = b"\xfd\x40\x00junk"  # claims 64 bytes of payload: two frames fit into it
+    heard = ear.decode(frames[0] + false_start + b"".join(frames[1:]))
+    assert [m.roll for m in heard] == rolls
+
+
+def test_a_damaged_frame_is_counted_and_the_next_one_heard():
+    wire, ear = Wire(1, 1), Wire(2, 1)
+    damaged = bytearray(wire.encode(attitude()))
+    damaged[15] ^= 0xFF
+    heard = ear.decode(bytes(damaged) + wire.encode(heartbeat()))
+    assert [m.get_type() for m in heard] == ["HEARTBEAT"]
+    assert ear.bad_frames >= 1
+
+
+def test_a_message_that_the_dialect_does_not_know_is_left_out():
+    unknown = struct.pack("<BBBBBBBHB", 253, 1, 0, 0, 0, 1, 1, 0xFFEE, 0xEF) + b"\x00\x12\x34"
+    heard = Wire(2, 1).decode(unknown + Wire(1, 1).encode(heartbeat()))
+    assert [m.get_type() for m in heard] == ["HEARTBEAT"]
+
+
+@given(st.lists(st.binary(max_size=300), max_size=8))
+def test_no_bytes_whatever_raise_or_pile_up(chunks):
+    ear = Wire(2, 1)
+    for chunk in chunks:
+        ear.decode(chunk)
+    assert len(ear._buffer) < 300
+
+
+@given(st.binary(max_size=600))
+def test_after_any_noise_the_line_recovers(noise):
+    wire, ear = Wire(1, 1), Wire(2, 1)
+    ear.decode(noise)
+    heard = [m for _ in range(20) for m in ear.decode(wire.encode(attitude(0.5)))]
+    assert any(m.get_type() == "ATTITUDE" and m.roll == 0.5 for m in heard)
+
+
+@given(st.integers(0, 39), st.integers(1, 255))
+def test_one_changed_byte_never_passes_as_a_message(position, change):
+    frame = bytearray(Wire(1, 1).encode(attitude()))
+    frame[position % len(frame)] ^= change
+    assert Wire(2, 1).decode(bytes(frame)) == []
