@@ -3,44 +3,31 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from twinscrew.export.onnx_file import write_atomically
 from twinscrew.export.parity import Parity
-from twinscrew.training.validate import SETTINGS, Score
-
-
-def wilson(successes: int, count: int, z: float = 1.959964) -> tuple[float, float]:
-    """Give the Wilson interval of a proportion; z = 1.96 for 95 %.
-
-    Source: Wilson (1927), Probable inference, the law of succession, and statistical inference.
-    """
-    share = successes / count
-    middle = share + z * z / (2 * count)
-    half = z * math.sqrt(share * (1 - share) / count + z * z / (4 * count * count))
-    scale = 1 + z * z / count
-    return (middle - half) / scale, (middle + half) / scale
+from twinscrew.training.settings_table import six_settings
+from twinscrew.training.validate import Score
 
 
 def scores(score: Score, episodes: int, seed: int) -> dict[str, Any]:
     """Give what a policy scores in the six settings of the paper."""
-    rows = []
-    rates = zip(SETTINGS, score.rates, score.times_s, strict=True)
-    for (robots, buoys, distance), rate, time_s in rates:
-        low, high = wilson(round(rate * episodes), episodes)
-        rows.append(
-            {
-                "robots": robots,
-                "buoys": buoys,
-                "min_distance_m": distance,
-                "success_rate": round(rate, 4),
-                "wilson95": [round(low, 4), round(high, 4)],
-                "travel_time_s": round(time_s, 2),
-            }
-        )
+    rows = [
+        {
+            "robots": row.robots,
+            "buoys": row.buoys,
+            "min_distance_m": row.min_distance_m,
+            "success_rate": round(one.success_rate, 4),
+            "wilson95": [round(end, 4) for end in one.wilson95],
+            "travel_time_s": one.travel_time_s and round(one.travel_time_s, 2),
+            "collisions": one.collisions,
+            "timeouts": one.timeouts,
+        }
+        for row, one in zip(six_settings(), score.settings, strict=True)
+    ]
     return {"episodes": episodes, "seed": seed, "settings": rows}
 
 

@@ -20,11 +20,12 @@ from twinscrew.export.onnx_file import (
     onnx_bytes,
     write_atomically,
 )
-from twinscrew.export.parity import OnnxFile, check_parity
+from twinscrew.export.parity import check_parity
 from twinscrew.export.run_dir import load_run
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
 from twinscrew.training import runs
 from twinscrew.training.agents.registry import algorithm
+from twinscrew.training.batch_policy import open_policy
 from twinscrew.training.environment import RATE_LIMIT
 from twinscrew.training.train_settings import TrainSettings
 from twinscrew.training.validate import validate
@@ -58,7 +59,7 @@ def export(
         f"{parity.observations} observations, {parity.decision_ms:.3f} ms a decision"
     )
     with console.status(f"{episodes} episodes in each of the six settings"):
-        scored = scores(validate(OnnxFile(out), episodes, seed), episodes, seed)
+        scored = scores(validate(open_policy(str(out)), episodes, seed), episodes, seed)
     card = write_card(out, metadata, trained, parity, scored)
     for row in scored["settings"]:
         console.print(

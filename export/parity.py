@@ -39,16 +39,11 @@ class OnnxFile:
         options = ort.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         self._session = ort.InferenceSession(str(file), options, ["CPUExecutionProvider"])
-        self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
 
     def rates(self, observations: Observations) -> Tensor:
         """Give thrust rates, (N, 2) [N/s]."""
         feed = {name: part.numpy() for name, part in zip(INPUTS, observations, strict=True)}
         return torch.from_numpy(self._session.run([OUTPUT], feed)[0])
-
-    def __call__(self, observations: Observations) -> Tensor:
-        """Give actions, (N, 2) in [-1, 1], as the environment takes them."""
-        return self.rates(observations) / float(self.metadata["thrust_rate_max_n_per_s"])
 
 
 def check_parity(policy: DeployedPolicy, file: Path) -> Parity:

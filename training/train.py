@@ -19,7 +19,7 @@ from twinscrew.training.buffer import ReplayBuffer
 from twinscrew.training.collect import Collector
 from twinscrew.training.logs import Logs, Progress
 from twinscrew.training.train_settings import Phase, TrainSettings, phase_settings
-from twinscrew.training.validate import Score, validate
+from twinscrew.training.validate import NetworkPolicy, Score, validate
 
 
 class Training:
@@ -73,9 +73,8 @@ class Training:
                 self.seconds = time.monotonic() - started
 
     def _gather(self, collector: Collector) -> None:
-        warm = len(self.replay) >= self.settings.warm_up
-        started = self.transitions > self.settings.warm_up
-        rows = collector.step(self.agent, self.step, random=not (warm or started))
+        random = self.transitions < self.settings.warm_up
+        rows = collector.step(self.agent, self.step, random=random)
         self.replay.add(torch.from_numpy(rows))
         self.transitions += len(rows)
         self.step += 1
@@ -94,7 +93,8 @@ class Training:
 
     def _evaluate(self, logs: Logs, progress: Progress) -> None:
         s = self.settings
-        score = validate(self.agent.deployed(), s.evaluation_episodes, s.validation_seed)
+        policy = NetworkPolicy(self.agent.deployed(), s.environment.period_s)
+        score = validate(policy, s.evaluation_episodes, s.validation_seed)
         logs.write("evaluation", **self._where(), **score.record())
         progress.report(self.step, score)
         if self.best is None or score.value > self.best:
@@ -153,14 +153,27 @@ def _numbers(metrics: Metrics) -> dict[str, float]:
 def _claim(folder: Path, settings: TrainSettings, seed: int) -> None:
     """Write what a run is of into its directory, or see that it is the same.
 
+    Phases that the run has not come to may be changed, or added: so a finished run can be
+    fine-tuned.
+
     Raises
     ------
     ConfigError
         The directory holds a run of another configuration or seed.
     """
     file = folder / runs.CONFIG
-    mine = {"seed": seed, "settings": msgspec.to_builtins(settings)}
-    if not file.exists():
-        file.write_text(json.dumps(mine, indent=1), encoding="utf-8")
-    elif json.loads(file.read_text(encoding="utf-8")) != json.loads(json.dumps(mine)):
-        raise ConfigError("holds a run of another configuration or seed", file=folder)
+    mine = json.loads(json.dumps({"seed": seed, "settings": msgspec.to_builtins(settings)}))
+    if file.exists():
+        found = json.loads(file.read_text(encoding="utf-8"))
+        if _begun(found, folder) != _begun(mine, folder):
+            raise ConfigError("holds a run of another configuration or seed", file=folder)
+    file.write_text(json.dumps(mine, indent=1), encoding="utf-8")
+
+
+def _begun(told: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Give what a run was told, without the phases it has not come to."""
+    file = folder / runs.CHECKPOINT
+    name = told["settings"]["agent"]["algorithm"]
+    reached = runs.load_checkpoint(file, name)["phase"] + 1 if file.exists() else 0
+    settings = told["settings"]
+    return {**told, "settings": {**settings, "phases": settings["phases"][:reached]}}

@@ -107,3 +107,17 @@ def _overlay(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
         nested = isinstance(value, dict) and isinstance(both.get(key), dict)
         both[key] = _overlay(both[key], value) if nested else value
     return both
+
+
+def parse_seeds(text: str) -> list[int]:
+    """Read seeds as they are typed: "0,1,2".
+
+    Raises
+    ------
+    ConfigError
+        They are no such list, or one comes twice.
+    """
+    words = text.split(",")
+    if not all(word.strip().isdecimal() for word in words) or len(set(words)) < len(words):
+        raise ConfigError(f"expected different numbers as 0,1,2, got {text!r}", key="--seeds")
+    return [int(word) for word in words]

@@ -1,47 +1,62 @@
-"""How good a policy is on the paper's six settings, while it learns."""
+"""How good a network is on the paper's six settings, while it learns and when it is exported."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import nn
 
-from twinscrew.training.collect import pack_slots
-from twinscrew.training.environment import EnvironmentSettings, VectorEnv
-from twinscrew.training.observations import Observations, unpack
-from twinscrew.training.scenarios import ScenarioSettings
+from twinscrew.runtime.messages.types import Float64
+from twinscrew.training.batch_policy import BatchPolicy, Mask
+from twinscrew.training.environment import RATE_LIMIT, EnvironmentSettings
+from twinscrew.training.evaluate import TIME_LIMIT_S, Evaluation, evaluate
+from twinscrew.training.observations import Observations
+from twinscrew.training.perception import Observations as Seen
+from twinscrew.training.settings_table import six_settings
 
-Decide: TypeAlias = Callable[[Observations], Tensor]
-"""A policy in batches: observations to actions (B, 2) in [-1, 1]."""
-
-SETTINGS = ((3, 0, 30.0), (4, 0, 35.0), (5, 0, 40.0), (5, 2, 40.0), (5, 3, 40.0), (5, 4, 40.0))
-"""Robots, buoys, least distance from start to goal [m]: the paper's six (table I)."""
-TIME_LIMIT_S = 90.0
-"""[s] An episode fails if a vessel is under way longer (paper, sec. VI)."""
 SECONDS_WORTH = 0.001
 """[1/s] What a second of mean travel time counts against the mean success rate in selection."""
+
+
+class NetworkPolicy:
+    """A network (observations to actions) as what `evaluate` asks for thrust rates."""
+
+    name = "network"
+
+    def __init__(self, network: nn.Module, period_s: float) -> None:
+        self._network = network
+        self.period_s = period_s
+
+    def begin(self, episodes: int, vessels: int) -> None:
+        """Do nothing: a network remembers nothing."""
+
+    def rates(self, seen: Seen, active: Mask) -> Float64:
+        """Give thrust rates, (E, V, 2) [N/s]."""
+        parts = [torch.from_numpy(part[active]) for part in seen]
+        with torch.no_grad():
+            action = self._network(Observations(*parts))
+        rates = np.zeros((*active.shape, 2))
+        rates[active] = action.numpy() * RATE_LIMIT
+        return rates
 
 
 class Score(NamedTuple):
     """A policy on the six settings."""
 
-    rates: tuple[float, ...]
-    """[-] Success rate in each."""
-    times_s: tuple[float, ...]
-    """[s] Mean travel time in each, of vessels that reached their goals."""
+    settings: tuple[Evaluation, ...]
 
     @property
     def success(self) -> float:
-        """[-] Mean over the settings."""
-        return float(np.mean(self.rates))
+        """[-] Mean success rate."""
+        return float(np.mean([one.success_rate for one in self.settings]))
 
     @property
     def travel_time_s(self) -> float:
-        """[s] Mean over the settings."""
-        return float(np.mean(self.times_s))
+        """[s] Mean travel time; where no vessel arrived, the time limit counts."""
+        times = [one.travel_time_s for one in self.settings]
+        return float(np.mean([TIME_LIMIT_S if time is None else time for time in times]))
 
     @property
     def value(self) -> float:
@@ -53,35 +68,23 @@ class Score(NamedTuple):
         return {
             "success": round(self.success, 5),
             "travel_time_s": round(self.travel_time_s, 3),
-            "rates": [round(rate, 5) for rate in self.rates],
-            "times_s": [round(time, 3) for time in self.times_s],
+            "rates": [round(one.success_rate, 5) for one in self.settings],
+            "times_s": [one.travel_time_s for one in self.settings],
         }
 
 
-def validate(policy: Decide, episodes: int, seed: int) -> Score:
-    """Sail `episodes` in each setting, greedily, in the environment as published."""
-    pairs = [_setting(policy, row, episodes, seed) for row in SETTINGS]
-    return Score(tuple(rate for rate, _ in pairs), tuple(time for _, time in pairs))
+def validate(
+    policy: BatchPolicy,
+    episodes: int,
+    seed: int,
+    environment: EnvironmentSettings | None = None,
+) -> Score:
+    """Sail `episodes` in each of the six settings, greedily.
 
-
-def _setting(
-    policy: Decide, row: tuple[int, int, float], episodes: int, seed: int
-) -> tuple[float, float]:
-    robots, buoys, distance = row
-    scenario = ScenarioSettings(robots=robots, buoys=buoys, min_distance_m=distance)
-    settings = EnvironmentSettings(scenarios=(scenario,))
-    environment = VectorEnv(settings, episodes, seed, auto_reset=False)
-    seen = environment.reset()
-    failed = np.zeros(episodes, bool)
-    times: list[float] = []
-    for _ in range(round(TIME_LIMIT_S / settings.period_s)):
-        with torch.no_grad():
-            action = policy(unpack(torch.from_numpy(pack_slots(seen)))).numpy()
-        result = environment.step(action.reshape(episodes, robots, 2))
-        seen = result.observation
-        failed |= result.collided.any(axis=1)
-        times.extend(np.repeat(result.elapsed_s, result.reached.sum(axis=1)).tolist())
-        if not environment.active.any():
-            break
-    failed |= environment.active.any(axis=1)
-    return 1.0 - float(failed.mean()), float(np.mean(times)) if times else TIME_LIMIT_S
+    `environment` gives the conditions; as published by default.
+    """
+    return Score(
+        tuple(
+            evaluate(policy, row, episodes, seed, environment=environment) for row in six_settings()
+        )
+    )
