@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 from msgspec.structs import replace
-
 from tests.reference.sailing import calm, centred_vessel, euler, sail
+
 from twinscrew.hil_sim.vessel.dynamics import VesselDynamics
 from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.hil_sim.vessel.rest import at_rest, equilibrium

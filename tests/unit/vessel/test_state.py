@@ -1,8 +1,8 @@
 """Attitudes of many vessels agree with those of one."""
 
 import numpy as np
-
 from tests.reference.sailing import euler
+
 from twinscrew.hil_sim.vessel.state import VesselState, level_quaternion, rotation
 from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_from_quaternion
 
