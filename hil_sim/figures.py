@@ -115,7 +115,9 @@ def _draw_vessel(axes: object, times: Float64, rows: Float64, colour: str) -> No
 
     assert isinstance(axes, Axes)  # noqa: S101
     axes.plot(rows[:, 1], rows[:, 0], color=colour, linewidth=1.2, alpha=0.8)
-    shots = np.searchsorted(times, np.arange(0.0, times[-1] + 1e-9, SNAPSHOT_S)) if times.size else []
+    shots = (
+        np.searchsorted(times, np.arange(0.0, times[-1] + 1e-9, SNAPSHOT_S)) if times.size else []
+    )
     for k in shots:
         north, east, heading, v_north, v_east = (float(v) for v in rows[k, :5])
         axes.add_patch(

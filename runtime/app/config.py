@@ -11,7 +11,7 @@ from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.odometry_buffer import OdometryBufferSettings
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.link.autopilot import AutopilotSettings
-from twinscrew.runtime.perception.settings import PerceptionSettings
+from twinscrew.runtime.perception.stage import PerceptionSettings
 from twinscrew.runtime.policy.observation import ObservationSettings
 from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.settings import Positive, Settings, load

@@ -58,7 +58,8 @@ class Loop:
                 self._compute(message)
             if self._clock() >= self._next_tick_s:
                 self._tick()
-        self._rest()
+        self._send(self._controller.rest(self._clock()))
+        gc.unfreeze()
 
     def _compute(self, message: Received) -> None:
         self._outlet.record(message.topic, message.payload)
@@ -111,6 +112,3 @@ class Loop:
         if not self._link_is_down:
             self._link_is_down = True
             self._outlet.happened((LINK_DOWN.at(self._controller.stamp_ns, str(error)),))
-
-    def _rest(self) -> None:
-        self._send(self._controller.rest(self._clock()))

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections.abc import Callable
 
 from twinscrew.runtime.app.recorder import Recorder
+from twinscrew.runtime.app.recording import DecisionHash
 from twinscrew.runtime.bus.base import Bus
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Decision, Float64, HealthEvent
@@ -37,12 +37,12 @@ class Outlet:
         self._recorder = recorder
         self._vessel = vessel
         self._clock_ns = clock_ns
-        self._digest = hashlib.sha256()
+        self._hash = DecisionHash()
 
     @property
     def sha256(self) -> str:
         """SHA-256 over the encoded decisions so far."""
-        return self._digest.hexdigest()
+        return self._hash.hexdigest()
 
     def record(self, topic: str, payload: bytes) -> None:
         """Keep a core input, before the core gets it."""
@@ -52,7 +52,7 @@ class Outlet:
     def decided(self, decision: Decision, thrust: Float64) -> None:
         """Tell a decision, what it was made of, and the thrust."""
         payload = cdr.encode_decision(decision)
-        self._digest.update(payload)
+        self._hash.add(payload)
         self.decisions += 1
         self._tell("decision", payload)
         self._tell("objects", cdr.encode_object_markers(decision.objects))

@@ -79,7 +79,12 @@ class Session:
             name=self._config.name,
             decisions=self._outlet.decisions,
             decisions_sha256=self._outlet.sha256,
-            latency_ms={"p50": latency.p50, "p99": latency.p99, "max": latency.max},
+            latency_ms={
+                "p50": latency.p50,
+                "p99": latency.p99,
+                "p999": latency.p999,
+                "max": latency.max,
+            },
             overruns=self.loop.overruns,
             passed_over=dict(self._inbox.passed_over),
             unrecorded=self._recorder.dropped if self._recorder else 0,
@@ -91,7 +96,8 @@ class Session:
 
     def _open(self) -> None:
         config = self._config
-        transport = self._stack.enter_context(open_transport(config.autopilot.connection))
+        transport = open_transport(config.autopilot.connection)
+        self._stack.callback(transport.close)
         controller = make_controller(config)
         bus = ZenohBus(config.bus, config.name)
         self._stack.callback(bus.close)

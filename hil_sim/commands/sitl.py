@@ -1,0 +1,108 @@
+"""`twinscrew sitl`: simulated vessels sail on the real runtime."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from msgspec import structs
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+
+from twinscrew.hil_sim.scenario import Scenario, load_scenario
+from twinscrew.hil_sim.sitl import SitlReport, SitlSettings, sail
+from twinscrew.hil_sim.summary import as_dict, as_table, write_summary
+from twinscrew.hil_sim.supervisor import Result
+from twinscrew.runtime.errors import ConfigError
+
+NOT_ALL_ARRIVED = 1
+
+
+def sitl(
+    scenario: Annotated[
+        str, typer.Option(help="random, head_on, crossing, overtaking, passage, or a TOML file.")
+    ] = "random",
+    vessels: Annotated[int | None, typer.Option(help="How many vessels.", min=1, max=20)] = None,
+    buoys: Annotated[int | None, typer.Option(help="How many buoys.", min=0, max=50)] = None,
+    seed: Annotated[int, typer.Option(help="What everything random is drawn from.", min=0)] = 0,
+    policy: Annotated[
+        str, typer.Option(help="apf, mpc, a name in config/policies, or an ONNX file.")
+    ] = "ac_iqn",
+    lockstep: Annotated[
+        bool, typer.Option("--lockstep", help="In one process, as fast as it goes, determined.")
+    ] = False,
+    max_time: Annotated[
+        float | None, typer.Option(help="Time limit of the voyage [s], simulated.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder of the run's files.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Sail simulated vessels with the real runtime, sensors to thrust.
+
+    Exit status 0 if every vessel arrived, 1 if not, 2 for a usage or set-up error.
+    """
+    made = _with_limit(load_scenario(scenario, vessels, buoys, seed), max_time)
+    folder = _new_folder(out)
+    settings = SitlSettings(policy=policy, seed=seed, lockstep=lockstep)
+    console = Console(stderr=True)
+    if not as_json:
+        pace = "in step" if lockstep else "in real time"
+        console.print(f"{made.vessels} vessels, {made.name}, seed {seed}, policy {policy}, {pace}")
+    report = _sail(made, settings, folder, console, quiet=as_json)
+    setup = {"scenario": made.name, **structs.asdict(settings)}
+    write_summary(folder / "summary.json", report, setup)
+    _tell(report, folder, as_json=as_json)
+    if not report.success:
+        raise typer.Exit(NOT_ALL_ARRIVED)
+
+
+def _with_limit(scenario: Scenario, max_time: float | None) -> Scenario:
+    from dataclasses import replace
+
+    if max_time is None:
+        return scenario
+    if not 0.0 < max_time < float("inf"):
+        raise ConfigError(f"must be greater than 0, got {max_time}", key="--max-time")
+    return replace(scenario, time_limit_s=max_time)
+
+
+def _new_folder(out: Path | None) -> Path:
+    folder = out or Path("runs") / datetime.now(UTC).strftime("%Y%m%d-%H%M%S-%f")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise ConfigError("the folder is not empty; a run needs a new one", file=folder)
+    except OSError as error:
+        raise ConfigError(error.strerror or str(error), file=folder) from error
+    return folder
+
+
+def _sail(
+    scenario: Scenario, settings: SitlSettings, folder: Path, console: Console, *, quiet: bool
+) -> SitlReport:
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"))
+    with Progress(*columns, console=console, disable=quiet, transient=True) as bar:
+        task = bar.add_task("at the dock", total=scenario.time_limit_s, state="")
+
+        def progress(time_s: float, results: tuple[Result, ...]) -> None:
+            states = ", ".join(f"{r.name} {_state(r)}" for r in results)
+            bar.update(task, completed=time_s, description=f"{time_s:5.1f} s", state=states)
+
+        return sail(scenario, settings, folder, None if quiet else progress)
+
+
+def _state(result: Result) -> str:
+    return "under way" if result.outcome is None else result.outcome.value
+
+
+def _tell(report: SitlReport, folder: Path, *, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(as_dict(report)))
+        return
+    console = Console()
+    console.print(as_table(report))
+    console.print(f"{report.real_time_factor:.1f} x real time; decisions {report.sha256[:16]}...")
+    console.print(f"[bold]{folder}[/bold]: summary.json, trajectories.png, <vessel>/recording")

@@ -1,0 +1,1 @@
+"""What makes a world and its vessels go: in step, or in real time."""

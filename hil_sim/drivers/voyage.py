@@ -1,0 +1,195 @@
+"""One voyage, from the dock to the last vessel's outcome: the loop that both drivers share.
+
+Vessels lie moored until every autopilot is armed and in MANUAL; then they are released, and get
+their goals, all at once. What differs between lock-step and real time is the crew (who carries
+messages to the vessels' runtimes, and thrust back) and the pace.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from twinscrew.hil_sim.supervisor import Result, Supervisor, SupervisorSettings
+from twinscrew.hil_sim.trajectory import TrajectoryLog
+from twinscrew.hil_sim.world import World
+from twinscrew.runtime.errors import LinkError
+from twinscrew.runtime.geometry.frames import euler_from_quaternion, rotation_from_quaternion
+from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.types import Float64, Goal, Odometry
+
+ODOMETRY_S = 0.05
+"""[s] 20 Hz (parameters.md, Sensors)."""
+
+
+class Crew(Protocol):
+    """Carries messages to the vessels' runtimes, and what they want of the propellers back."""
+
+    exchange_s: float
+    """[s] How often bytes go to and from the autopilots."""
+
+    def deliver(self, vessel: int, topic: str, payload: bytes, now_s: float) -> None:
+        """Hand a message to a vessel's runtime."""
+
+    def exchange(self, vessel: int, now_s: float, odometry: Odometry) -> None:
+        """Let a vessel's autopilot and runtime talk."""
+
+    def is_ready(self, vessel: int) -> bool:
+        """Tell whether a vessel's autopilot is armed and takes commands."""
+
+    def thrust_N(self) -> Float64:
+        """Give what the autopilots ask of the propellers, (V, 2) [N]."""
+
+    def retire(self, vessel: int) -> None:
+        """Note that a vessel's voyage has ended."""
+
+    def keep_pace(self, now_s: float) -> None:
+        """Wait until it is time for simulated time `now_s`."""
+
+    def check(self) -> None:
+        """Raise if a runtime has died."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VoyageResult:
+    """What became of the vessels."""
+
+    results: tuple[Result, ...]
+    log: TrajectoryLog
+    duration_s: float
+    """[s] Simulated, dock and voyage."""
+
+    @property
+    def success(self) -> bool:
+        """True if every vessel reached its goal."""
+        return all(r.outcome is not None and r.outcome.value == "goal" for r in self.results)
+
+
+class Voyage:
+    """Runs a world and its crew to the end."""
+
+    def __init__(
+        self,
+        world: World,
+        crew: Crew,
+        *,
+        scan_s: float,
+        dock_limit_s: float = 20.0,
+        supervisor: SupervisorSettings | None = None,
+        progress: Callable[[float, tuple[Result, ...]], None] | None = None,
+    ) -> None:
+        """Prepare a voyage.
+
+        Parameters
+        ----------
+        scan_s
+            [s] Between two scans of the LiDAR.
+        dock_limit_s
+            [s] How long to wait for the autopilots.
+        progress
+            Called with the simulated time and the present results, every odometry tick.
+        """
+        self._world = world
+        self._crew = crew
+        self._scan_s = scan_s
+        self._dock_limit_s = dock_limit_s
+        self._supervisor_settings = supervisor
+        self._progress = progress
+        self._vessels = range(world.scenario.vessels)
+        self._log = TrajectoryLog()
+        self._supervisor: Supervisor | None = None
+
+    def run(self) -> VoyageResult:
+        """Sail.
+
+        Raises
+        ------
+        LinkError
+            A vessel's autopilot was not armed in time, or its runtime died.
+        """
+        self._wait_at_the_dock()
+        supervisor = self._cast_off()
+        while not supervisor.over:
+            self._tick()
+        return VoyageResult(
+            results=supervisor.results(), log=self._log, duration_s=self._world.time_s
+        )
+
+    def _wait_at_the_dock(self) -> None:
+        for i in self._vessels:
+            self._world.moor(i, self._world.scenario.starts[i, :2])
+        while not all(self._crew.is_ready(i) for i in self._vessels):
+            if self._world.time_s > self._dock_limit_s:
+                late = [
+                    name
+                    for i, name in enumerate(self._world.scenario.names)
+                    if not self._crew.is_ready(i)
+                ]
+                raise LinkError(f"not armed after {self._dock_limit_s:g} s: {', '.join(late)}")
+            self._tick()
+
+    def _cast_off(self) -> Supervisor:
+        scenario = self._world.scenario
+        for i in self._vessels:
+            self._world.release(i)
+            goal = Goal(stamp_ns=self._world.stamp_ns, position_N=scenario.goals[i])
+            self._deliver(i, "goal", cdr.encode_goal(goal))
+        self._supervisor = Supervisor(self._world, self._supervisor_settings)
+        return self._supervisor
+
+    def _tick(self) -> None:
+        """Let one odometry period pass."""
+        self._crew.check()
+        odometry = self._measure()
+        for _ in range(round(ODOMETRY_S / self._crew.exchange_s)):
+            for i, measured in odometry.items():
+                self._crew.exchange(i, self._world.time_s, measured)
+            self._advance(self._crew.exchange_s)
+            self._crew.keep_pace(self._world.time_s)
+        if self._supervisor is not None and self._progress is not None:
+            self._progress(self._supervisor.elapsed_s, self._supervisor.results())
+
+    def _measure(self) -> dict[int, Odometry]:
+        world = self._world
+        scans = world.steps % world.steps_in(self._scan_s) == 0
+        measured = {}
+        for i in self._vessels:
+            if self._ended(i):
+                continue
+            measured[i] = world.odometry(i)
+            self._deliver(i, "odometry", cdr.encode_odometry(measured[i]))
+            if scans:
+                self._deliver(i, "points", cdr.encode_point_cloud(world.cloud(i)))
+        self._note()
+        return measured
+
+    def _deliver(self, vessel: int, topic: str, payload: bytes) -> None:
+        self._crew.deliver(vessel, topic, payload, self._world.time_s)
+
+    def _advance(self, duration_s: float) -> None:
+        if self._supervisor is None:
+            self._world.advance(duration_s, self._crew.thrust_N())
+            return
+        before = [self._ended(i) for i in self._vessels]
+        self._supervisor.advance(duration_s, self._crew.thrust_N())
+        for i in self._vessels:
+            if self._ended(i) and not before[i]:
+                self._crew.retire(i)
+
+    def _ended(self, vessel: int) -> bool:
+        return self._supervisor is not None and self._supervisor.outcomes[vessel] is not None
+
+    def _note(self) -> None:
+        if self._supervisor is None:
+            return
+        state = self._world.state
+        heading = [euler_from_quaternion(q)[2] for q in state.q_NB]
+        velocity = [
+            (rotation_from_quaternion(q) @ v)[:2]
+            for q, v in zip(state.q_NB, state.velocity_B, strict=True)
+        ]
+        pose = np.column_stack([state.position_N[:, :2], heading])
+        self._log.add(self._supervisor.elapsed_s, pose, np.array(velocity), state.thrust)

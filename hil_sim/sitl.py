@@ -1,0 +1,183 @@
+"""Software in the loop: a scenario, its vessels' runtimes, and what became of them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from twinscrew.hil_sim.drivers.lockstep import LockstepCrew
+from twinscrew.hil_sim.drivers.realtime import RealtimeCrew
+from twinscrew.hil_sim.drivers.voyage import Voyage, VoyageResult
+from twinscrew.hil_sim.figures import draw_trajectories
+from twinscrew.hil_sim.scenario import Scenario
+from twinscrew.hil_sim.supervisor import Result
+from twinscrew.hil_sim.world import World, make_world
+from twinscrew.runtime.app.config import RecordingSettings, RuntimeConfig
+from twinscrew.runtime.app.latency import LatencySummary
+from twinscrew.runtime.app.mission import MissionSettings
+from twinscrew.runtime.app.replay import combined_sha256
+from twinscrew.runtime.app.session import SUMMARY_FILE, RunSummary
+from twinscrew.runtime.errors import RecordingError
+from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.settings import Settings
+
+Progress = Callable[[float, tuple[Result, ...]], None]
+
+
+class SitlSettings(Settings, frozen=True):
+    """What to sail with."""
+
+    sensor: str = "vrx32"
+    policy: str = "ac_iqn"
+    seed: int = 0
+    lockstep: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VesselReport:
+    """How one vessel fared, and its runtime."""
+
+    name: str
+    outcome: str
+    travel_time_s: float
+    closest_approach_m: float
+    decisions: int
+    latency: LatencySummary
+    energy_ns: float
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SitlReport:
+    """How a run went."""
+
+    success: bool
+    seed: int
+    vessels: tuple[VesselReport, ...]
+    real_time_factor: float
+    wall_s: float
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 over all vessels' decisions."""
+        return combined_sha256(vessel.sha256 for vessel in self.vessels)
+
+
+def sail(
+    scenario: Scenario, settings: SitlSettings, folder: Path, progress: Progress | None = None
+) -> SitlReport:
+    """Sail a scenario to its end, and leave recording, figure and summary in a folder.
+
+    Raises
+    ------
+    TwinscrewError
+        Something cannot be used, or a runtime failed: nothing is hidden in the outcome.
+    """
+    world = make_world(scenario, sensor=settings.sensor, seed=settings.seed)
+    folders = [folder / name for name in scenario.names]
+    configs = [_config(settings, scenario, i, folders[i]) for i in range(scenario.vessels)]
+    begin_s = time.monotonic()
+    if settings.lockstep:
+        result, runs = _sail_in_step(world, configs, settings, progress)
+    else:
+        result, runs = _sail_in_real_time(world, configs, folders, settings, progress)
+    wall_s = time.monotonic() - begin_s
+    report = SitlReport(
+        success=result.success,
+        seed=settings.seed,
+        vessels=_vessel_reports(result, runs),
+        real_time_factor=result.duration_s / wall_s,
+        wall_s=wall_s,
+    )
+    outcomes = [vessel.outcome for vessel in report.vessels]
+    travel_s = [vessel.travel_time_s for vessel in report.vessels]
+    draw_trajectories(folder / "trajectories.png", scenario, result.log, outcomes, travel_s)
+    return report
+
+
+@dataclass(frozen=True, slots=True)
+class _Run:
+    decisions: int
+    sha256: str
+    latency: LatencySummary
+
+
+def _sail_in_step(
+    world: World, configs: list[RuntimeConfig], settings: SitlSettings, progress: Progress | None
+) -> tuple[VoyageResult, list[_Run]]:
+    crew = LockstepCrew(configs, epoch_ns=world.epoch_ns)
+    try:
+        result = _voyage(world, crew, settings, progress).run()
+    finally:
+        crew.close()
+    runs = [
+        _Run(vessel.outlet.decisions, vessel.outlet.sha256, vessel.latencies.summary())
+        for vessel in crew.vessels
+    ]
+    return result, runs
+
+
+def _sail_in_real_time(
+    world: World,
+    configs: list[RuntimeConfig],
+    folders: list[Path],
+    settings: SitlSettings,
+    progress: Progress | None,
+) -> tuple[VoyageResult, list[_Run]]:
+    with RealtimeCrew(configs, folders) as crew:
+        result = _voyage(world, crew, settings, progress).run()
+    return result, [_read_run(folder) for folder in folders]
+
+
+def _voyage(
+    world: World,
+    crew: LockstepCrew | RealtimeCrew,
+    settings: SitlSettings,
+    progress: Progress | None,
+) -> Voyage:
+    scan_s = 1.0 / load_sensor(settings.sensor).rate_hz
+    return Voyage(world, crew, scan_s=scan_s, progress=progress)
+
+
+def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: Path) -> RuntimeConfig:
+    policy = Path(settings.policy)
+    return RuntimeConfig(
+        name=scenario.names[index],
+        sensor=settings.sensor,
+        policy=str(policy.resolve()) if policy.is_file() else settings.policy,
+        mission=MissionSettings(goal_radius_m=scenario.goal_radius),
+        autopilot=AutopilotSettings(system_id=index + 1, arm=True, receiver_fitted=False),
+        recording=RecordingSettings(folder=str(folder)),
+    )
+
+
+def _read_run(folder: Path) -> _Run:
+    path = folder / SUMMARY_FILE
+    try:
+        summary = msgspec.json.decode(path.read_bytes(), type=RunSummary)
+    except (OSError, msgspec.DecodeError) as error:
+        raise RecordingError(f"{path}: the runtime left no summary ({error})") from error
+    latency = LatencySummary(summary.decisions, **summary.latency_ms)
+    return _Run(summary.decisions, summary.decisions_sha256, latency)
+
+
+def _vessel_reports(result: VoyageResult, runs: Sequence[_Run]) -> tuple[VesselReport, ...]:
+    energy = result.log.energy_ns()
+    return tuple(
+        VesselReport(
+            name=vessel.name,
+            outcome=vessel.outcome.value if vessel.outcome else "timeout",
+            travel_time_s=vessel.travel_time_s,
+            closest_approach_m=vessel.closest_approach_m,
+            decisions=run.decisions,
+            latency=run.latency,
+            energy_ns=float(energy[i]),
+            sha256=run.sha256,
+        )
+        for i, (vessel, run) in enumerate(zip(result.results, runs, strict=True))
+    )

@@ -1,0 +1,75 @@
+"""`twinscrew replay`: a recording's decisions, made again."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+DIFFERENT = 1
+
+
+def replay(
+    recording: Annotated[
+        Path, typer.Argument(help="A run's folder, a rosbag2 folder, or one .mcap file.")
+    ],
+    config: Annotated[
+        Path | None, typer.Option(help="Use this runtime configuration, not the recorded one.")
+    ] = None,
+    policy: Annotated[str | None, typer.Option(help="Use this policy instead.")] = None,
+    topics: Annotated[
+        Path | None, typer.Option(help="TOML that maps a foreign bag's topics to ours.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Feed a recording to the core again; print the SHA-256 of its decisions."""
+    from twinscrew.runtime.app.recording import find_recordings
+    from twinscrew.runtime.app.replay import combined_sha256
+    from twinscrew.runtime.app.replay import replay as replay_one
+
+    replays = [
+        replay_one(found, config=config, policy=policy)
+        for found in find_recordings(recording, topics)
+    ]
+    same = all(r.same or r.recorded_decisions == 0 for r in replays)
+    if as_json:
+        print(json.dumps(_as_dict(replays, combined_sha256(r.sha256 for r in replays), same)))
+    else:
+        _print(replays, combined_sha256(r.sha256 for r in replays))
+    if not same:
+        raise typer.Exit(DIFFERENT)
+
+
+def _as_dict(replays: list, sha256: str, same: bool) -> dict[str, object]:  # type: ignore[type-arg]
+    return {
+        "decisions_sha256": sha256,
+        "same": same,
+        "vessels": [
+            {
+                "name": r.vessel,
+                "decisions": r.decisions,
+                "decisions_sha256": r.sha256,
+                "recorded_decisions": r.recorded_decisions,
+                "same": r.same,
+                "whole": r.whole,
+            }
+            for r in replays
+        ],
+    }
+
+
+def _print(replays: list, sha256: str) -> None:  # type: ignore[type-arg]
+    table = Table("vessel", "decisions", "recorded", "SHA-256", "the same")
+    for r in replays:
+        verdict = "yes" if r.same else ("none recorded" if r.recorded_decisions == 0 else "NO")
+        if not r.whole:
+            verdict += " (its end is missing)"
+        table.add_row(
+            r.vessel, str(r.decisions), str(r.recorded_decisions), r.sha256[:16] + "...", verdict
+        )
+    Console().print(table)
+    print(f"decisions_sha256 {sha256}")
