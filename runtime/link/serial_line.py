@@ -7,6 +7,7 @@ import termios
 import tty
 
 from twinscrew.runtime.errors import LinkError, one_of
+from twinscrew.runtime.link.carrier import Transport
 
 _READ = 4096
 """[bytes] The most that one read takes."""
@@ -17,7 +18,7 @@ _SPEEDS = {
 }
 
 
-class SerialTransport:
+class SerialTransport(Transport):
     """A serial device, as the telemetry port of a flight controller."""
 
     def __init__(self, device: str, baud: int) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from twinscrew.runtime.errors import LinkError
+from twinscrew.runtime.link.carrier import Transport
 
 _READ = 65_536
 """[bytes] The most that one read takes: more than any datagram."""
@@ -21,7 +22,7 @@ PEER_SILENT_S = 3.0
 """[s] A listener keeps to its peer until that is silent this long: no stranger takes its place."""
 
 
-class UdpTransport:
+class UdpTransport(Transport):
     """UDP; one that listens keeps to the first who speaks, until he is silent.
 
     Parameters
@@ -99,7 +100,7 @@ class UdpTransport:
         return True
 
 
-class TcpTransport:
+class TcpTransport(Transport):
     """TCP, as ArduPilot's simulator offers it on port 5760."""
 
     def __init__(self, host: str, port: int) -> None:

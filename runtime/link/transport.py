@@ -7,43 +7,17 @@ never split: what one `send` is given goes out as one datagram.
 
 from __future__ import annotations
 
-from typing import Protocol
-
 from twinscrew.runtime.errors import LinkError, one_of
+from twinscrew.runtime.link.carrier import Transport
 from twinscrew.runtime.link.serial_line import SerialTransport
 from twinscrew.runtime.link.sockets import TcpTransport, UdpTransport
 
+__all__ = ["TcpTransport", "Transport", "UdpTransport", "open_transport"]
+
 DEFAULT_BAUD = 921_600
 """[baud] What ArduPilot's documentation advises for companion computers."""
+_LAST_PORT = 65_535
 KINDS = ("udpin:HOST:PORT", "udpout:HOST:PORT", "tcp:HOST:PORT", "serial:DEVICE:BAUD")
-
-
-class Transport(Protocol):
-    """An open connection."""
-
-    def fileno(self) -> int:
-        """Give the descriptor to select or poll for reading."""
-
-    def receive(self) -> bytes:
-        """Give what has come, empty if nothing has; never waits.
-
-        Raises
-        ------
-        LinkError
-            The other side closed the connection, or the device is gone.
-        """
-
-    def send(self, data: bytes) -> None:
-        """Send bytes; what the system cannot take now is dropped, as a radio would.
-
-        Raises
-        ------
-        LinkError
-            The other side closed the connection, or the device is gone.
-        """
-
-    def close(self) -> None:
-        """Close the connection."""
 
 
 def open_transport(connection: str) -> Transport:
@@ -66,8 +40,8 @@ def open_transport(connection: str) -> Transport:
         if kind == "serial":
             device, _, baud = rest.partition(":")
             return SerialTransport(device, _number(connection, baud or str(DEFAULT_BAUD)))
-    except OSError as error:
-        raise LinkError(f"{connection}: {error.strerror or error}") from error
+    except (OSError, UnicodeError) as error:
+        raise LinkError(f"{connection}: {getattr(error, 'strerror', None) or error}") from error
     raise LinkError(f"connection {one_of(connection, KINDS)}")
 
 
@@ -75,10 +49,10 @@ def _host_port(connection: str, rest: str) -> tuple[str, int]:
     host, _, port = rest.rpartition(":")
     if not host:
         raise LinkError(f"connection {one_of(connection, KINDS)}")
-    return host, _number(connection, port)
+    return host, _number(connection, port, _LAST_PORT)
 
 
-def _number(connection: str, text: str) -> int:
-    if not text.isdecimal() or not text.isascii() or not 0 <= int(text) < 2**31:
-        raise LinkError(f"connection {connection!r}: {text!r} is not a number")
+def _number(connection: str, text: str, greatest: int = 2**31) -> int:
+    if not text.isdecimal() or not text.isascii() or int(text) > greatest:
+        raise LinkError(f"connection {connection!r}: {text!r} is not a number up to {greatest}")
     return int(text)

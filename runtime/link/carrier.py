@@ -1,0 +1,50 @@
+"""What every way of carrying MAVLink bytes offers."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from types import TracebackType
+from typing import Self
+
+
+class Transport(ABC):
+    """An open connection; as a context manager it closes itself."""
+
+    @abstractmethod
+    def fileno(self) -> int:
+        """Give the descriptor to select or poll for reading."""
+
+    @abstractmethod
+    def receive(self) -> bytes:
+        """Give what has come, empty if nothing has; never waits.
+
+        Raises
+        ------
+        LinkError
+            The other side closed the connection, or the device is gone.
+        """
+
+    @abstractmethod
+    def send(self, data: bytes) -> None:
+        """Send bytes; what the system cannot take now is dropped, as a radio would.
+
+        Raises
+        ------
+        LinkError
+            The other side closed the connection, or the device is gone.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the connection."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()

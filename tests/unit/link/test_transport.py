@@ -1,0 +1,133 @@
+import os
+import pty
+import select
+import socket
+
+import pytest
+
+from twinscrew.runtime.errors import LinkError
+from twinscrew.runtime.link.sockets import PEER_SILENT_S, UdpTransport
+from twinscrew.runtime.link.transport import open_transport
+
+LOOPBACK = "127.0.0.1"
+
+
+def wait_for(transport):
+    ready, _, _ = select.select([transport], [], [], 5.0)
+    assert ready, "nothing came within 5 s"
+    return transport.receive()
+
+
+def caller(listener):
+    return open_transport(f"udpout:{LOOPBACK}:{listener.port}")
+
+
+def test_udp_carries_both_ways_and_never_waits():
+    with UdpTransport(LOOPBACK, 0, listens=True) as listener, caller(listener) as other:
+        assert listener.receive() == b""
+        listener.send(b"to nobody yet")
+        other.send(b"ahoy")
+        assert wait_for(listener) == b"ahoy"
+        listener.send(b"aye")
+        assert wait_for(other) == b"aye"
+
+
+def test_a_listener_keeps_to_its_peer_until_he_is_silent():
+    now_s = [0.0]
+    with (
+        UdpTransport(LOOPBACK, 0, listens=True, clock=lambda: now_s[0]) as listener,
+        caller(listener) as peer,
+        caller(listener) as stranger,
+    ):
+        peer.send(b"peer")
+        assert wait_for(listener) == b"peer"
+        stranger.send(b"stranger")
+        peer.send(b"peer")
+        heard = b""
+        while b"peer" not in heard:
+            heard += wait_for(listener)
+        assert heard == b"peer"
+        now_s[0] += PEER_SILENT_S + 0.1
+        stranger.send(b"heir")
+        assert wait_for(listener) == b"heir"
+
+
+def test_calling_where_nobody_listens_yet_is_no_error():
+    with UdpTransport(LOOPBACK, 0, listens=True) as free:
+        port = free.port
+    with open_transport(f"udpout:{LOOPBACK}:{port}") as transport:
+        for _ in range(3):
+            transport.send(b"anybody?")
+            assert transport.receive() == b""
+
+
+def test_a_port_in_use_is_named():
+    with (
+        UdpTransport(LOOPBACK, 0, listens=True) as first,
+        pytest.raises(LinkError, match=rf"udpin:{LOOPBACK}:{first.port}: Address already in use"),
+    ):
+        open_transport(f"udpin:{LOOPBACK}:{first.port}")
+
+
+def test_tcp_carries_both_ways_and_says_when_the_other_side_is_gone():
+    with socket.create_server((LOOPBACK, 0)) as server:
+        port = server.getsockname()[1]
+        with open_transport(f"tcp:{LOOPBACK}:{port}") as transport:
+            other, _ = server.accept()
+            transport.send(b"ahoy")
+            assert other.recv(100) == b"ahoy"
+            assert transport.receive() == b""
+            other.sendall(b"aye")
+            assert wait_for(transport) == b"aye"
+            other.close()
+            with pytest.raises(LinkError, match="closed"):
+                wait_for(transport)
+
+
+def test_tcp_with_nobody_there_is_refused_by_name():
+    with socket.create_server((LOOPBACK, 0)) as server:
+        port = server.getsockname()[1]
+    with pytest.raises(LinkError, match=rf"tcp:{LOOPBACK}:{port}: Connection refused"):
+        open_transport(f"tcp:{LOOPBACK}:{port}")
+
+
+def test_a_serial_line_carries_every_byte_unchanged():
+    master, slave = pty.openpty()
+    try:
+        with open_transport(f"serial:{os.ttyname(slave)}:57600") as line:
+            every_byte = bytes(range(256))
+            os.write(master, every_byte)
+            heard = b""
+            while len(heard) < 256:
+                heard += wait_for(line)
+            assert heard == every_byte
+            assert line.receive() == b""
+            line.send(every_byte)
+            sent = b""
+            while len(sent) < 256:
+                sent += os.read(master, 256)
+            assert sent == every_byte
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+@pytest.mark.parametrize(
+    ("connection", "words"),
+    [
+        ("serial:/dev/no_such_line:57600", "No such file"),
+        ("/dev/no_such_line", "No such file"),
+        ("serial:/dev/null:57600", "not a serial device"),
+        ("serial:/dev/null:12345", "12345 is not one of"),
+        ("udpin:127.0.0.1", "udpin:HOST:PORT"),
+        ("udpin:127.0.0.1:", "not a number"),
+        ("udpin:127.0.0.1:port", "not a number"),
+        ("udpin:127.0.0.1:70000", "70000"),
+        ("carrier-pigeon:1:2", "udpin:HOST:PORT"),
+        ("", "udpin:HOST:PORT"),
+        (f"tcp:{'x' * 70}.org:1", "tcp:xxx"),
+    ],
+)
+def test_what_cannot_be_opened_is_refused_in_plain_words(connection, words):
+    with pytest.raises(LinkError, match=words):
+        open_transport(connection)
