@@ -64,6 +64,7 @@ def measure(objects: Objects, odometry: Odometry, settings: MeasurementSettings)
         How the centroid relates to the centre.
     """
     finite = np.isfinite(objects.p_B).all(axis=1) & np.isfinite(objects.radius)
+    finite &= bool(np.isfinite(odometry.position_N[:2]).all() and np.isfinite(odometry.heading))
     p_B, radius, points = objects.p_B[finite], objects.radius[finite], objects.points[finite]
     R_NB = rotation_2d(odometry.heading)
     p_BN = p_B @ R_NB.T
