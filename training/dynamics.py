@@ -1,8 +1,8 @@
 """The equations of `runtime.policy.vessel_model`, laid out for speed: components first, in place.
 
 Two things make it fast. Every coefficient is premultiplied by the time step and divided by the
-inertia. And the velocities do not depend on the place, so that they are integrated first, sub-step by
-sub-step, and headings and places follow for all sub-steps at once. A test holds it against
+inertia. And the velocities do not depend on the place, so that they are integrated first, sub-step
+by sub-step, and headings and places follow for all sub-steps at once. A test holds it against
 `VesselModel.step`.
 """
 
@@ -47,7 +47,7 @@ class Coefficients:
 
 
 def physical(p: VesselParameters) -> tuple[float, ...]:
-    """Give the ten values that fix the motion: inertia, linear and quadratic drag (3 each), lever."""
+    """Give the ten values that fix the motion: inertia, linear, quadratic drag (3 each), lever."""
     return (*p.inertia, *p.linear_drag, *p.quadratic_drag, p.lever)
 
 

@@ -1,8 +1,8 @@
 """The training environment: many episodes at once, as array operations.
 
 Paper, sec. V. One decision of all vessels in all episodes is one `step`: all move at once through
-0.05 s sub-steps, touching is checked at every sub-step, reaching the goal at the end; who reached or
-touched leaves the water. A slot whose episode is over begins the next.
+0.05 s sub-steps, touching is checked at every sub-step, reaching the goal at the end; who reached
+or touched leaves the water. A slot whose episode is over begins the next.
 
     env = VectorEnv(EnvironmentSettings(), episodes=64, seed=0)
     observation = env.reset()                      # ego (E, V, 7), objects (E, V, K, 5), mask
@@ -198,12 +198,12 @@ class VectorEnv:
         terminated = collided | reached
         self._decisions += 1
         self._active &= ~terminated
-        truncated = self._active & (self._decisions >= self.settings.decision_limit)[:, None]
+        truncated: Mask = self._active & (self._decisions >= self.settings.decision_limit)[:, None]
         final = self._observe()
         gained = reward(distance - left, collided, reached, self._turn(final), self.settings.reward)
         gained *= acting
-        finished = ~(self._active & ~truncated).any(axis=1)
-        elapsed = self._decisions * self.settings.period_s
+        finished = np.asarray(~(self._active & ~truncated).any(axis=1))
+        elapsed = self._decisions.astype(np.float64) * self.settings.period_s
         return StepResult(
             observation=self._continue(final, truncated, finished),
             final_observation=final,

@@ -1,8 +1,8 @@
-"""The paper's perception noise, eqs. (13) to (15): independent for every pair of vessel and object.
+"""The paper's perception noise, eqs. (13) to (15), independent for every vessel and object.
 
 The noise of a slot comes from the slot's own stream, drawn for many decisions at a time. Each number
-is one of 65 536 equally likely values, the midpoints of the distribution's quantile bins: a look-up
-in place of a rejection loop, and closer to the distribution than a run can tell.
+is one of 65 536 equally likely values, the midpoints of the quantile bins: a look-up in place of a
+rejection loop, and closer to the distribution than a run can tell.
 """
 
 from __future__ import annotations
@@ -69,14 +69,14 @@ def draw(settings: NoiseSettings, generator: Generator, shape: tuple[int, ...]) 
 @lru_cache(maxsize=1)
 def normal_values() -> Float32:
     """Give the standard normal distribution as `QUANTILES` equally likely values."""
-    return norm.ppf(_PROBABILITY).astype(np.float32)  # type: ignore[no-any-return]
+    return norm.ppf(_PROBABILITY).astype(np.float32)
 
 
 @lru_cache(maxsize=8)
 def radius_factors(mean: float, kappa: float) -> Float32:
     """Give the radius factor, eq. (15), as `QUANTILES` equally likely values."""
     w = vonmises(kappa).ppf(_PROBABILITY) if kappa > 0.0 else np.pi * (2 * _PROBABILITY - 1)
-    return (mean + (1.0 - mean) * w / np.pi).astype(np.float32)  # type: ignore[no-any-return]
+    return (mean + (1.0 - mean) * w / np.pi).astype(np.float32)
 
 
 _PROBABILITY = (np.arange(QUANTILES) + 0.5) / QUANTILES

@@ -52,7 +52,8 @@ class Pool:
             self._refill()
         rows = slots * self._depth + self._taken[slots] % self._depth
         self._taken[slots] += 1
-        return map_rows(lambda array: array[rows], self._rows)
+        taken: Beginning = map_rows(lambda array: array[rows], self._rows)
+        return taken
 
     def forget(self) -> None:
         """Drop what was drawn ahead: from now on `make` is asked anew."""

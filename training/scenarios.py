@@ -248,7 +248,7 @@ def _take_first(
 ) -> Mask:
     """Write the first fitting candidate of each episode into its column; tell who had one."""
     first = fits.argmax(axis=1)
-    found: Mask = fits[np.arange(len(fits)), first]
+    found = np.asarray(np.take_along_axis(fits, first[:, None], axis=1)[:, 0])
     for into, candidates in assignments:
         into[episodes[found], column] = candidates[found, first[found]]
     return found

@@ -1,0 +1,88 @@
+"""`twinscrew evaluate`: a policy's score in the training environment."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:  # the command line starts without numpy and ONNX Runtime
+    from twinscrew.training.batch_policy import BatchPolicy
+    from twinscrew.training.evaluate import Evaluation
+    from twinscrew.training.scenarios import ScenarioSettings
+
+
+def evaluate(
+    policy: Annotated[str, typer.Argument(help="An ONNX file, a shipped policy, apf or mpc.")],
+    robots: Annotated[int, typer.Option(help="Vessels.")] = 3,
+    buoys: Annotated[int, typer.Option(help="Static obstacles.")] = 0,
+    min_distance: Annotated[
+        float | None,
+        typer.Option(help="Least distance from start to goal [m].", show_default="the paper's"),
+    ] = None,
+    episodes: Annotated[int, typer.Option(help="How many.")] = 500,
+    seed: Annotated[int, typer.Option(help="Of the episodes.")] = 0,
+    risk: Annotated[
+        float, typer.Option(help="Share of the worst outcomes to weigh, (0, 1]; 1 is the mean.")
+    ] = 1.0,
+    every: Annotated[bool, typer.Option("--all", help="The paper's six settings.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Score a policy in the training environment."""
+    from twinscrew.runtime.settings import convert
+    from twinscrew.training.batch_policy import open_policy
+    from twinscrew.training.scenarios import ScenarioSettings
+    from twinscrew.training.settings_table import published_distance_m, six_settings
+
+    distance = published_distance_m(robots) if min_distance is None else min_distance
+    one = {"robots": robots, "buoys": buoys, "min_distance_m": distance}
+    rows = six_settings() if every else (convert(one, ScenarioSettings),)
+    results = _evaluate(open_policy(policy, risk=risk), rows, episodes, seed)
+    if not as_json:
+        _print_table(rows, results)
+    elif every:
+        print(json.dumps({"settings": [r.record() for r in results]}))
+    else:
+        print(json.dumps(results[0].record()))
+
+
+def _evaluate(
+    policy: BatchPolicy, rows: Sequence[ScenarioSettings], episodes: int, seed: int
+) -> list[Evaluation]:
+    """Evaluate row by row, with a progress bar on standard error."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from twinscrew.training.evaluate import evaluate as score
+
+    with Progress(console=Console(file=sys.stderr), transient=True) as bar:
+        task = bar.add_task(policy.name, total=episodes * len(rows))
+        return [
+            score(policy, row, episodes, seed, progress=lambda n: bar.advance(task, n))
+            for row in rows
+        ]
+
+
+def _print_table(rows: Sequence[ScenarioSettings], results: Sequence[Evaluation]) -> None:
+    """Print the scores, one line a setting."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("robots", "buoys", "distance", "success", "95 %", "time", "hits", "late")
+    for row, result in zip(rows, results, strict=True):
+        low, high = result.wilson95
+        time = result.travel_time_s
+        table.add_row(
+            str(row.robots),
+            str(row.buoys),
+            f"{row.min_distance_m:g} m",
+            f"{result.success_rate:.1%}",
+            f"{low:.1%} .. {high:.1%}",
+            "-" if time is None else f"{time:.2f} s",
+            str(result.collisions),
+            str(result.timeouts),
+        )
+    Console().print(table)

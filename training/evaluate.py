@@ -1,0 +1,153 @@
+"""How often a policy brings every vessel to its goal, and how fast (paper, sec. VI).
+
+Greedy, in the training environment, many episodes at once. An episode fails if anything is touched
+or any vessel is under way for more than 90 s. Episode k of a seed is the same for every policy, in
+any batch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.messages.types import Float64
+from twinscrew.training.batch_policy import BatchPolicy
+from twinscrew.training.environment import RATE_LIMIT, EnvironmentSettings, VectorEnv
+from twinscrew.training.scenarios import ScenarioSettings
+
+Mask = NDArray[np.bool_]
+
+TIME_LIMIT_S = 90.0
+"""[s] Longer than this under way, and the episode has failed (paper, sec. VI)."""
+BATCH = 500
+"""[-] Episodes at once; the results do not depend on it."""
+Z95 = 1.959963984540054
+"""[-] The 97.5 % quantile of the normal distribution."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """A policy's score in one setting; episodes = successes + collisions + timeouts."""
+
+    episodes: int
+    success_rate: float
+    """[-] Share of the episodes in which every vessel arrived in time and nothing was touched."""
+    wilson95: tuple[float, float]
+    """[-] Wilson's 95 % confidence interval of the success rate."""
+    travel_time_s: float | None
+    """[s] Mean over the vessels that reached their goals; None if none did."""
+    collisions: int
+    """[-] Episodes in which anything was touched."""
+    timeouts: int
+    """[-] Other episodes in which a vessel took over 90 s."""
+    seed: int
+
+    def record(self) -> dict[str, Any]:
+        """Give it as plain values, for JSON."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+def evaluate(
+    policy: BatchPolicy,
+    scenario: ScenarioSettings,
+    episodes: int = 1000,
+    seed: int = 0,
+    *,
+    environment: EnvironmentSettings | None = None,
+    batch: int = BATCH,
+    progress: Callable[[int], None] | None = None,
+) -> Evaluation:
+    """Sail fresh episodes of one scenario with one policy on every vessel.
+
+    Parameters
+    ----------
+    policy
+        Decides for all; its decision period is the environment's.
+    scenario
+        Vessels, buoys and least distance.
+    episodes, seed
+        How many, and of which stream.
+    environment
+        The conditions; the published ones by default. Its mixture is replaced by `scenario`.
+    batch
+        Episodes at once.
+    progress
+        Told the number of episodes that just ended.
+
+    Raises
+    ------
+    ConfigError
+        The scenario cannot be placed, or the policy's period does not fit the sub-steps.
+    PolicyError
+        The policy answered nonsense.
+    """
+    if episodes < 1:
+        raise ConfigError(f"must be at least 1, got {episodes}", key="episodes")
+    settings = msgspec.structs.replace(
+        environment or EnvironmentSettings(), scenarios=(scenario,), period_s=policy.period_s
+    )
+    outcomes = []
+    for first in range(0, episodes, batch):
+        count = min(batch, episodes - first)
+        env = VectorEnv(settings, count, seed, first_slot=first, auto_reset=False)
+        outcomes.append(sail(env, policy))
+        if progress is not None:
+            progress(count)
+    collided, late, times = (np.concatenate(parts) for parts in zip(*outcomes, strict=True))
+    return score(collided, late, times, seed)
+
+
+def sail(env: VectorEnv, policy: BatchPolicy) -> tuple[Mask, Mask, Float64]:
+    """Sail one episode in every slot to its end.
+
+    Returns
+    -------
+    collided, late : (E,) bool
+        Whether anything was touched; whether a vessel was still under way after the time limit.
+    times : (n,) float64
+        [s] Travel times of the vessels that reached their goals.
+    """
+    seen, active = env.reset(), env.active
+    policy.begin(*active.shape)
+    collided = np.zeros(env.episodes, bool)
+    times = [np.zeros(0)]
+    for _ in range(int(TIME_LIMIT_S / env.settings.period_s + 1e-9)):
+        result = env.step(policy.rates(seen, active) / RATE_LIMIT)
+        collided |= result.collided.any(axis=1)
+        times.append(np.repeat(result.elapsed_s, result.reached.sum(axis=1)))
+        seen, active = result.observation, env.active
+        if not active.any():
+            break
+    return collided, np.asarray(active.any(axis=1)), np.concatenate(times)
+
+
+def score(collided: Mask, late: Mask, times: Float64, seed: int) -> Evaluation:
+    """Count what `sail` saw."""
+    episodes = len(collided)
+    successes = int((~(collided | late)).sum())
+    return Evaluation(
+        episodes=episodes,
+        success_rate=successes / episodes,
+        wilson95=wilson95(successes, episodes),
+        travel_time_s=float(times.mean()) if len(times) else None,
+        collisions=int(collided.sum()),
+        timeouts=int((late & ~collided).sum()),
+        seed=seed,
+    )
+
+
+def wilson95(successes: int, trials: int) -> tuple[float, float]:
+    """Give Wilson's score interval of a proportion at 95 % confidence.
+
+    Source: Wilson (1927), Probable inference, the law of succession, and statistical inference.
+    """
+    share, z2 = successes / trials, Z95**2
+    centre = (share + z2 / (2 * trials)) / (1 + z2 / trials)
+    half = Z95 / (1 + z2 / trials) * (share * (1 - share) / trials + z2 / (4 * trials**2)) ** 0.5
+    return max(0.0, centre - half), min(1.0, centre + half)
