@@ -134,15 +134,14 @@ class Lidar:
         self, taken: NDArray[np.int32], height: float, R_NS: Float64, rng: Generator
     ) -> tuple[NDArray[np.int32], Float64]:
         """Give beam numbers and distances [m] of echoes from the water, `height` m below."""
-        down = self._directions_S @ R_NS[2]
-        with np.errstate(divide="ignore"):
-            distance = np.where(down > 0, height / np.maximum(down, 0), np.inf)
+        down = self._directions_S @ R_NS[2].astype(np.float32)
+        rays = np.flatnonzero(down > height / self._sensor.range_max_m).astype(np.int32)
+        distance = height / down[rays]
         share = self._settings.water_echoes * np.exp(-distance / self._settings.water_range_m)
-        echoes = rng.random(len(down)) < share
-        echoes &= (distance >= self._sensor.range_min_m) & (distance <= self._sensor.range_max_m)
-        echoes[taken] = False
-        beam = np.flatnonzero(echoes).astype(np.int32)
-        return beam, distance[beam]
+        echoes = rng.random(len(rays)) < share
+        echoes &= distance >= self._sensor.range_min_m
+        echoes &= ~np.isin(rays, taken, assume_unique=True)
+        return rays[echoes], distance[echoes]
 
     def _make_scan(
         self, stamp_ns: int, beam: NDArray[np.int32], distance: Float32, body: NDArray[np.int32]

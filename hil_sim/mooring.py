@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twinscrew.hil_sim.vessel.state import VesselState
+from twinscrew.runtime.geometry.angles import wrap
 from twinscrew.runtime.messages.types import Float64
 
 
@@ -25,8 +26,8 @@ def moor(
 ) -> VesselState:
     """Pull moored vessels to their moorings for one step, by changing their velocity.
 
-    The acceleration is -w^2 (p - p_mooring) - 2 w v in north and east, and -2 w r in yaw;
-    damping is taken at the step's end (implicit Euler), so that no step is too long.
+    In north, east and heading the acceleration is -w^2 (x - x_mooring) - 2 w v; the damping is
+    taken at the step's end (implicit Euler), so that no step is too long.
 
     Parameters
     ----------
@@ -36,18 +37,19 @@ def moor(
         Their attitudes.
     moored : (V,) bool
         Which are held.
-    mooring_N : (V, 2) float64
-        Where [m], frame N.
+    mooring_N : (V, 3) float64
+        Where: north, east [m], heading [rad].
     frequency : float
         w [rad/s].
     dt_s : float
         The step's length [s].
     """
-    spring = frequency**2 * dt_s * (state.position_N[moored, :2] - mooring_N[moored])
-    kept = 1.0 / (1.0 + 2.0 * frequency * dt_s)
+    stiffness, kept = frequency**2 * dt_s, 1.0 / (1.0 + 2.0 * frequency * dt_s)
+    offset = state.position_N[moored, :2] - mooring_N[moored, :2]
+    turned = wrap(state.heading[moored] - mooring_N[moored, 2])
     velocity_N = np.einsum("vij,vj->vi", R_NB[moored], state.velocity_B[moored])
-    velocity_N[:, :2] = (velocity_N[:, :2] - spring) * kept
+    velocity_N[:, :2] = (velocity_N[:, :2] - stiffness * offset) * kept
     velocity_B, rates_B = state.velocity_B.copy(), state.rates_B.copy()
     velocity_B[moored] = np.einsum("vij,vi->vj", R_NB[moored], velocity_N)
-    rates_B[moored, 2] *= kept
+    rates_B[moored, 2] = (rates_B[moored, 2] - stiffness * turned) * kept
     return replace(state, velocity_B=velocity_B, rates_B=rates_B)

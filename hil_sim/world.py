@@ -72,7 +72,7 @@ class World:
         self.state = at_rest(self._dynamics, scenario.starts[:, :2], scenario.starts[:, 2])
         self.present: NDArray[np.bool_] = np.ones(scenario.vessels, dtype=np.bool_)
         self.moored: NDArray[np.bool_] = np.zeros(scenario.vessels, dtype=np.bool_)
-        self._moorings_N = scenario.goals.copy()
+        self._moorings_N = scenario.starts.copy()
         self._closest = np.full(scenario.vessels, np.inf)
         self._bodies: tuple[int, Bodies] | None = None
         self._measure_gaps()
@@ -120,9 +120,9 @@ class World:
         return round(steps)
 
     def moor(self, vessel: int, mooring_N: Float64) -> None:
-        """Hold a vessel at a place, (2,) [m], from now on; its commands no longer count."""
+        """Hold a vessel at a place, (2,) [m], on its present heading; commands no longer count."""
         self.moored[vessel] = True
-        self._moorings_N[vessel] = mooring_N
+        self._moorings_N[vessel] = [*mooring_N, self.state.heading[vessel]]
 
     def release(self, vessel: int) -> None:
         """Let go of a moored vessel."""

@@ -15,8 +15,10 @@ def drift(state: VesselState, dt: float) -> VesselState:
     R = rotations(state.q_NB)
     return VesselState(
         position_N=state.position_N + dt * np.einsum("vij,vj->vi", R, state.velocity_B),
-        q_NB=state.q_NB,
-        velocity_B=state.velocity_B,
+        q_NB=level_quaternion(state.heading + dt * state.rates_B[:, 2]),
+        velocity_B=np.einsum(
+            "vji,vj->vi", rotations(level_quaternion(dt * state.rates_B[:, 2])), state.velocity_B
+        ),
         rates_B=state.rates_B,
         thrust=state.thrust,
     )
@@ -35,23 +37,25 @@ def arriving(speed: float, heading: float) -> VesselState:
 
 
 MOORED = np.array([True, False])
-PLACE = np.array([[10.0, 20.0], [0.0, 0.0]])
+PLACE = np.array([[10.0, 20.0, 0.7], [0.0, 0.0, 0.0]])
 
 
 def test_a_moored_vessel_moves_as_a_critically_damped_oscillator() -> None:
     dt, heading, speed = 0.001, 0.7, 3.3
-    state, along = arriving(speed, heading), []
+    state, along, turned = arriving(speed, heading), [], []
     ahead = np.array([np.cos(heading), np.sin(heading)])
     for _ in range(10_000):
         state = moor(drift(state, dt), rotations(state.q_NB), MOORED, PLACE, FREQUENCY, dt)
-        along.append((state.position_N[0, :2] - PLACE[0]) @ ahead)
+        along.append((state.position_N[0, :2] - PLACE[0, :2]) @ ahead)
+        turned.append(state.heading[0] - heading)
     t = dt * np.arange(1, 10_001)
     expected = (-2.0 + (speed - 2.0 * FREQUENCY) * t) * np.exp(-FREQUENCY * t)
     np.testing.assert_allclose(along, expected, atol=0.005)
+    np.testing.assert_allclose(turned, 0.4 * t * np.exp(-FREQUENCY * t), atol=0.001)
 
 
-def test_it_still_heaves_rolls_and_pitches_but_stops_turning() -> None:
-    state = arriving(0.0, 0.0)
+def test_it_still_heaves_rolls_and_pitches_but_turns_no_more() -> None:
+    state = arriving(0.0, 0.7)
     held = moor(state, rotations(state.q_NB), MOORED, PLACE, FREQUENCY, 0.1)
     assert held.velocity_B[0, 2] == 0.2
     np.testing.assert_array_equal(held.rates_B[0, :2], [0.1, -0.1])

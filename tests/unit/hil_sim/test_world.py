@@ -124,6 +124,7 @@ def test_a_moored_vessel_stays_at_its_mooring_in_wind_and_waves() -> None:
     world.advance(30.0, np.full((2, 2), 1000.0))
     offset = world.state.position_N[0, :2] - world.scenario.starts[0, :2]
     assert np.linalg.norm(offset) < 1.0
+    assert abs(world.state.heading[0] - world.scenario.starts[0, 2]) < 0.2
     assert (world.state.thrust[0] == 0).all()
     assert np.abs(world.state.velocity_B[0, 2]) > 0  # it still heaves
     assert np.linalg.norm(world.state.position_N[1, :2] - world.scenario.starts[1, :2]) > 60
