@@ -19,7 +19,7 @@ OTHER_NAMES = {GCS_ID: "MAV_GCS_SYSID"}
 """Names that newer firmware (4.7) gave to old parameters."""
 RETRY_S = 0.5
 """[s] Ask again after this long without an answer."""
-TRIES = 4
+TRIES = 10
 """[-] Then the parameter is taken as missing (or asked for by its newer name)."""
 AT_ONCE = 4
 """[-] Questions on their way at a time: a slow serial line must not fill up."""

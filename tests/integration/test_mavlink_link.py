@@ -1,0 +1,252 @@
+"""The runtime's link and the simulated autopilot, joined by bytes, in simulated time."""
+
+import random
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
+from twinscrew.hil_sim.autopilot.rover import Mode, RoverSettings
+from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.link.signing import EPOCH_S, Signing
+from twinscrew.runtime.messages.types import Odometry
+
+STEP_S = 0.05
+KEY = bytes(range(32))
+
+
+class Boat:
+    """Both ends and what lies between; `line` may lose or change bytes."""
+
+    def __init__(self, *, rover=None, signing=(None, None), line=lambda data, now_s: data, **link):
+        pilot = RoverAutopilotSettings(rover=RoverSettings(**(rover or {})))
+        link = {"arm": True, "receiver_fitted": False, **link}
+        self.link = AutopilotLink(AutopilotSettings(**link), signing=signing[0])
+        self.autopilot = RoverAutopilot(pilot, 1, signing=signing[1])
+        self.line, self.now_s, self.thrust = line, 0.0, (0.0, 0.0)
+        self.story, self.vehicle, self.bytes_sent = [], None, b""
+
+    def sail(self, seconds, thrust=None):
+        self.thrust = self.thrust if thrust is None else thrust
+        for _ in range(round(seconds / STEP_S)):
+            self.now_s = round(self.now_s + STEP_S, 6)
+            sent = self.link.tick(self.now_s) + self.link.command(self.thrust, self.now_s)
+            self.bytes_sent += sent
+            self.autopilot.receive(self.line(sent, self.now_s), self.now_s)
+            answer = self.autopilot.step(self.now_s, self.vehicle)
+            self.link.receive(self.line(answer, self.now_s), self.now_s)
+            self.story += [(self.now_s, e.name, e.detail) for e in self.link.events(self.now_s)]
+        return self
+
+    @property
+    def names(self):
+        return [name for _, name, _ in self.story if name != "autopilot_says"]
+
+    def detail(self, wanted):
+        return next(detail for _, name, detail in self.story if name == wanted)
+
+
+def cut(begin_s, end_s):
+    return lambda data, now_s: b"" if begin_s <= now_s < end_s else data
+
+
+def lossy(share, seed):
+    generator = random.Random(seed)
+    return lambda data, now_s: b"" if generator.random() < share else data
+
+
+def test_a_boat_told_to_arm_is_driven_within_a_second():
+    boat = Boat().sail(1.0, (400.0, -100.0))
+    assert boat.link.status.engaged
+    assert boat.autopilot.thrust_command_N().tolist() == [400.0, -100.0]
+    assert boat.link.status.obeying is True
+    assert boat.link.status.parameters_wrong == ()
+
+
+def test_the_conversation_settles_without_a_warning():
+    boat = Boat().sail(10.0, (400.0, -100.0))
+    assert boat.names == []
+    assert boat.link.parameters_checked
+
+
+@pytest.mark.parametrize("control", ["rc_override", "manual_control"])
+@pytest.mark.parametrize("thrust", [(1000.0, 1000.0), (-500.0, -500.0), (3.0, -2.0)])
+def test_thrust_arrives_within_a_paddles_resolution(control, thrust):
+    boat = Boat(control=control).sail(1.0, thrust)
+    assert boat.autopilot.thrust_command_N() == pytest.approx(thrust, abs=1.0)
+
+
+def test_an_autopilot_that_takes_20_s_to_boot_is_waited_for():
+    boat = Boat(rover={"arming_delay_s": 20.0}).sail(19.0)
+    assert "arming_refused" in boat.names
+    assert boat.detail("arming_refused").startswith("Arm:")
+    boat.sail(3.0)
+    assert boat.link.status.engaged
+
+
+def test_a_runtime_that_starts_late_finds_hold_and_asks_for_manual():
+    boat = Boat()
+    for k in range(100):
+        boat.autopilot.step(k * 0.05)
+    assert boat.autopilot.rover.mode is Mode.HOLD
+    boat.now_s = 5.0
+    assert boat.sail(3.0, (400.0, 400.0)).link.status.engaged
+
+
+def test_a_pilots_hold_wins():
+    boat = Boat().sail(2.0, (400.0, 400.0))
+    boat.autopilot.rover.set_mode(Mode.HOLD)
+    boat.sail(60.0)
+    assert boat.names == ["mode_taken"]
+    assert boat.autopilot.rover.mode is Mode.HOLD
+    assert boat.autopilot.thrust_command_N().tolist() == [0.0, 0.0]
+    boat.autopilot.rover.set_mode(Mode.MANUAL)
+    boat.sail(2.0)
+    assert boat.autopilot.thrust_command_N().tolist() == [400.0, 400.0]
+
+
+def test_a_pilots_disarming_wins():
+    boat = Boat().sail(2.0, (400.0, 400.0))
+    boat.autopilot.rover.disarm()
+    boat.sail(60.0)
+    assert boat.names == ["autopilot_disarmed"]
+    assert not boat.autopilot.rover.armed
+
+
+def test_a_pilot_with_a_receiver_steers_by_his_sticks():
+    boat = Boat(rover={"receiver": True}, receiver_fitted=True).sail(2.0, (400.0, 400.0))
+    boat.autopilot.rover.radio.sticks[0] = 1600
+    boat.autopilot.rover.set_mode(Mode.HOLD)
+    boat.sail(2.0)
+    values = boat.autopilot.rover.radio.values
+    assert (values[0], values[2]) == (1600, 1500)
+
+
+def test_a_cut_line_stops_the_boat_and_a_mended_one_sails_on():
+    boat = Boat(line=cut(5.0, 9.0)).sail(5.0, (400.0, 400.0))
+    boat.sail(0.5)
+    assert boat.autopilot.thrust_command_N().tolist() == [400.0, 400.0]
+    boat.sail(0.25)
+    assert boat.autopilot.thrust_command_N().tolist() == [0.0, 0.0]
+    boat.sail(3.25)
+    assert boat.autopilot.rover.mode is Mode.HOLD
+    boat.sail(3.0)
+    assert boat.link.status.engaged
+    assert boat.autopilot.thrust_command_N().tolist() == [400.0, 400.0]
+    assert "autopilot_silent" in boat.names
+
+
+def test_a_cut_line_is_noticed_within_half_a_second():
+    boat = Boat(line=cut(5.0, 9.0)).sail(8.0, (400.0, 400.0))
+    (silent_s,) = [when for when, name, _ in boat.story if name == "autopilot_silent"]
+    assert silent_s - 5.0 <= 0.6
+
+
+def test_without_permission_the_failsafes_hold_is_for_good():
+    boat = Boat(line=cut(5.0, 9.0), ask_manual="at_start").sail(30.0, (400.0, 400.0))
+    assert boat.autopilot.rover.mode is Mode.HOLD
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 2**32))
+def test_a_line_that_loses_a_third_still_drives(seed):
+    boat = Boat(line=lossy(0.33, seed)).sail(20.0, (400.0, 400.0))
+    assert boat.autopilot.rover.armed
+    assert boat.autopilot.rover.mode is Mode.MANUAL
+    assert boat.link.status.obeying is not False
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.integers(0, 2**32))
+def test_a_line_that_damages_bytes_never_gives_wild_thrust(seed):
+    generator = random.Random(seed)
+
+    def damage(data, now_s):
+        changed = bytearray(data)
+        for _ in range(len(changed) // 40):
+            changed[generator.randrange(len(changed))] = generator.randrange(256)
+        return bytes(changed)
+
+    boat = Boat(line=damage).sail(5.0, (400.0, 400.0))
+    for _ in range(100):
+        boat.sail(STEP_S)
+        assert boat.autopilot.thrust_command_N().tolist() in ([400.0, 400.0], [0.0, 0.0])
+    assert boat.link.wire.bad_frames > 0
+
+
+def test_overrides_that_are_ignored_are_noticed_and_the_cause_named():
+    wrong = {"receiver": True, "parameters": {"SYSID_MYGCS": 255.0}}
+    boat = Boat(rover=wrong).sail(5.0, (400.0, 400.0))
+    assert set(boat.names) == {"override_ignored", "parameters_wrong"}
+    assert boat.detail("parameters_wrong") == "SYSID_MYGCS is 255, must be 1"
+
+
+def test_swapped_propellers_are_noticed():
+    wrong = {"parameters": {"SERVO1_FUNCTION": 74.0, "SERVO3_FUNCTION": 73.0}}
+    assert "override_ignored" in Boat(rover=wrong).sail(5.0, (400.0, -100.0)).names
+
+
+def test_wrong_parameters_are_written_when_wanted():
+    wrong = {"parameters": {"RC1_DZ": 30.0, "FS_THR_ENABLE": 0.0}}
+    boat = Boat(rover=wrong, write_parameters=True).sail(10.0)
+    assert boat.link.status.parameters_wrong == ()
+    assert boat.autopilot.rover.parameters["RC1_DZ"] == 0.0
+    assert boat.autopilot.rover.parameters["FS_THR_ENABLE"] == 1.0
+
+
+def test_a_vehicle_that_is_no_boat_is_not_driven():
+    boat = Boat(rover={"parameters": {"FRAME_CLASS": 1.0}}).sail(5.0, (400.0, 400.0))
+    assert "wrong_vehicle" in boat.names
+    assert not boat.autopilot.rover.armed
+
+
+class WallClock:
+    now_s = EPOCH_S + 3.6e8
+
+    def __call__(self):
+        WallClock.now_s += 1e-4
+        return WallClock.now_s
+
+
+def test_signed_both_ways_it_sails():
+    ends = (Signing(KEY, wall_clock=WallClock()), Signing(KEY, wall_clock=WallClock()))
+    boat = Boat(signing=ends).sail(2.0, (400.0, 400.0))
+    assert boat.autopilot.thrust_command_N().tolist() == [400.0, 400.0]
+    assert boat.link.wire.bad_frames == 0
+
+
+@pytest.mark.parametrize("theirs", [None, Signing(bytes(32), wall_clock=WallClock())])
+def test_an_autopilot_without_our_key_is_not_heard(theirs):
+    ours = Signing(KEY, wall_clock=WallClock())
+    boat = Boat(signing=(ours, theirs)).sail(5.0, (400.0, 400.0))
+    assert not boat.link.status.connected
+    assert boat.link.status.bad_frames > 0
+    assert not boat.autopilot.rover.armed
+
+
+def test_odometry_comes_from_the_autopilot_with_the_callers_time():
+    boat = Boat(state_hz=20.0)
+    boat.vehicle = Odometry(
+        stamp_ns=0,
+        position_N=np.array([12.0, -7.0, 0.1]),
+        q_NB=quaternion_from_euler(0.1, -0.05, 2.0),
+        velocity_B=np.array([1.5, -0.2, 0.05]),
+        rates_B=np.array([0.01, 0.02, 0.3]),
+    )
+    boat.sail(3.0)
+    got = boat.link.odometry
+    assert got is not None
+    assert got.position_N == pytest.approx(boat.vehicle.position_N, abs=1e-5)
+    assert got.q_NB == pytest.approx(boat.vehicle.q_NB, abs=1e-6)
+    assert got.velocity_B == pytest.approx(boat.vehicle.velocity_B, abs=1e-5)
+    assert got.rates_B == pytest.approx(boat.vehicle.rates_B, abs=1e-6)
+    assert got.stamp_ns * 1e-9 == pytest.approx(boat.now_s, abs=0.002)
+
+
+def test_two_runs_send_the_same_bytes():
+    first, second = (Boat(line=lossy(0.2, 5)).sail(10.0, (123.0, -45.0)) for _ in range(2))
+    assert first.bytes_sent == second.bytes_sent
+    assert first.story == second.story
