@@ -1,8 +1,8 @@
 """The paper's perception noise, eqs. (13) to (15), independent for every vessel and object.
 
-The noise of a slot comes from the slot's own stream, drawn for many decisions at a time. Each number
-is one of 65 536 equally likely values, the midpoints of the quantile bins: a look-up in place of a
-rejection loop, and closer to the distribution than a run can tell.
+The noise of a slot comes from the slot's own stream, drawn for many decisions at a time. Each
+number is one of 65 536 equally likely values, the midpoints of the quantile bins: a look-up in place
+of a rejection loop, and closer to the distribution than a run can tell.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm, vonmises
 
 from twinscrew.runtime.messages.types import Float32
-from twinscrew.runtime.settings import Fraction, NonNegative, Positive, Settings
+from twinscrew.runtime.settings import Fraction, NonNegative, Settings
 
 Complex64 = NDArray[np.complex64]
 
@@ -93,11 +93,11 @@ class NoiseBank:
         settings: NoiseSettings,
         generators: Sequence[Generator],
         shape: tuple[int, int],
-        block: Positive = 32,
+        block: int = 32,
     ) -> None:
         self.settings = settings
         self._generators = generators
-        self._shape = (int(block), *shape)
+        self._shape = (block, *shape)
         self._noise: list[Noise] = []
 
     def next(self) -> Noise:

@@ -236,8 +236,8 @@ def _points(uniform: NDArray[np.float64], margin: float, size: float) -> Points:
 
 def _apart(candidates: Points, placed: Points, distance: float) -> Mask:
     """Tell which candidates, (n, C), keep a distance from all those placed, (n, k)."""
-    apart: Mask = (np.abs(candidates[:, :, None] - placed[:, None, :]) >= distance).all(axis=2)
-    return apart
+    gaps = np.abs(candidates[:, :, None] - placed[:, None, :])
+    return np.asarray((gaps >= distance).all(axis=2))
 
 
 def _take_first(
