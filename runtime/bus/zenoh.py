@@ -6,7 +6,7 @@ import itertools
 import time
 import uuid
 from collections.abc import Iterable, Mapping
-from typing import Final
+from typing import Final, cast
 
 import zenoh
 
@@ -23,8 +23,6 @@ _PRIORITIES: Final = {
 }
 _POLL_S: Final = 0.005
 """[s] How often to look whether subscribers have come."""
-_SETTLE_S: Final = 0.05
-"""[s] A sample sent within 1 ms of the first match was lost once in six times; 5 ms were enough."""
 
 
 class _Line:
@@ -52,7 +50,7 @@ class _Publisher:
         congestion = zenoh.CongestionControl
         self._gid = uuid.uuid4().bytes
         self._sequence = itertools.count(1)
-        self.zenoh = line.session.declare_publisher(
+        self._zenoh = line.session.declare_publisher(
             name,
             congestion_control=congestion.BLOCK if line.settings.lossless else congestion.DROP,
             priority=_PRIORITIES[traffic],
@@ -60,8 +58,15 @@ class _Publisher:
         )
 
     def put(self, payload: bytes) -> None:
+        """Send a payload."""
         attached = attachment(next(self._sequence), time.time_ns(), self._gid)
-        self.zenoh.put(payload, attachment=attached)
+        self._zenoh.put(payload, attachment=attached)
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether somebody listens."""
+        # zenoh's stub calls it a bool, but it is a struct that is always true.
+        return cast("zenoh.MatchingStatus", self._zenoh.matching_status).matching
 
 
 class ZenohBus:
@@ -105,7 +110,10 @@ class ZenohBus:
                 return
             receive(Received(topic, sample.payload.to_bytes(), now_ns))
 
-        line.subscribers.append(line.session.declare_subscriber(self._key(topic), take))
+        # Called in Zenoh's own thread: a thread of Python's between them would be a queue without a
+        # bound, and would keep a program alive that forgot to close its bus.
+        handler = zenoh.handlers.Callback(take, indirect=False)
+        line.subscribers.append(line.session.declare_subscriber(self._key(topic), handler))
 
     def wait_for_subscribers(self, topics: Iterable[str], timeout_s: float) -> bool:
         """Wait until somebody listens to each of the topics: what is sent before is lost.
@@ -115,13 +123,12 @@ class ZenohBus:
         bool
             False if time ran out.
         """
-        publishers = [self._publisher(topic).zenoh for topic in topics]
+        publishers = [self._publisher(topic) for topic in topics]
         deadline_s = time.monotonic() + timeout_s
-        while not all(publisher.matching_status for publisher in publishers):
+        while not all(publisher.is_heard for publisher in publishers):
             if time.monotonic() > deadline_s:
                 return False
             time.sleep(_POLL_S)
-        time.sleep(_SETTLE_S)
         return True
 
     def within(self, namespace: str) -> ZenohBus:
