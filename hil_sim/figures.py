@@ -8,12 +8,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.trajectory import TrajectoryLog
 from twinscrew.runtime.messages.types import Float64
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.patches import Polygon
 
 HULL_LENGTH_M = 5.0
 HULL_WIDTH_M = 2.5
@@ -74,11 +79,9 @@ def draw_trajectories(
     figure.savefig(path)
 
 
-def _draw_map(axes: object, scenario: Scenario) -> None:
-    from matplotlib.axes import Axes
+def _draw_map(axes: Axes, scenario: Scenario) -> None:
     from matplotlib.patches import Circle
 
-    assert isinstance(axes, Axes)  # noqa: S101
     for north, east, radius in scenario.buoys:
         axes.add_patch(Circle((east, north), radius, color="0.25", zorder=3))
     for quay in scenario.quays:
@@ -96,28 +99,23 @@ def _draw_map(axes: object, scenario: Scenario) -> None:
     axes.set_axisbelow(True)
 
 
-def _quay(quay: Float64) -> object:
+def _quay(quay: Float64) -> Polygon:
     from matplotlib.patches import Polygon
 
     north, east, length, width, _, heading = (float(v) for v in quay)
     c, s = math.cos(heading), math.sin(heading)
-    corners = [
-        (east + s * f + c * r, north + c * f - s * r)
-        for f, r in ((1, 1), (-1, 1), (-1, -1), (1, -1))
-        for f, r in ((f * length / 2, r * width / 2),)
-    ]
+    ends = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * (length / 2, width / 2)
+    corners = [(east + s * f + c * r, north + c * f - s * r) for f, r in ends]
     return Polygon(corners, color="0.6", zorder=2)
 
 
-def _draw_vessel(axes: object, times: Float64, rows: Float64, colour: str) -> None:
-    from matplotlib.axes import Axes
+def _draw_vessel(axes: Axes, times: Float64, rows: Float64, colour: str) -> None:
     from matplotlib.patches import Polygon
 
-    assert isinstance(axes, Axes)  # noqa: S101
     axes.plot(rows[:, 1], rows[:, 0], color=colour, linewidth=1.2, alpha=0.8)
-    shots = (
-        np.searchsorted(times, np.arange(0.0, times[-1] + 1e-9, SNAPSHOT_S)) if times.size else []
-    )
+    if times.size == 0:
+        return
+    shots = np.searchsorted(times, np.arange(0.0, times[-1] + 1e-9, SNAPSHOT_S))
     for k in shots:
         north, east, heading, v_north, v_east = (float(v) for v in rows[k, :5])
         axes.add_patch(

@@ -21,7 +21,7 @@ from twinscrew.runtime.app.latency import LatencySummary
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.replay import combined_sha256
 from twinscrew.runtime.app.session import SUMMARY_FILE, RunSummary
-from twinscrew.runtime.errors import RecordingError
+from twinscrew.runtime.errors import ConfigError, RecordingError
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.settings import Settings
@@ -69,9 +69,14 @@ class SitlReport:
 
 
 def sail(
-    scenario: Scenario, settings: SitlSettings, folder: Path, progress: Progress | None = None
+    scenario: Scenario,
+    settings: SitlSettings,
+    folder: Path | None = None,
+    progress: Progress | None = None,
 ) -> SitlReport:
-    """Sail a scenario to its end, and leave recording, figure and summary in a folder.
+    """Sail a scenario to its end, and leave recordings and figure in a folder.
+
+    Without a folder nothing is kept; real time needs one, for the runtimes' files.
 
     Raises
     ------
@@ -79,11 +84,16 @@ def sail(
         Something cannot be used, or a runtime failed: nothing is hidden in the outcome.
     """
     world = make_world(scenario, sensor=settings.sensor, seed=settings.seed)
-    folders = [folder / name for name in scenario.names]
-    configs = [_config(settings, scenario, i, folders[i]) for i in range(scenario.vessels)]
+    folders = [folder / name for name in scenario.names] if folder else []
+    configs = [
+        _config(settings, scenario, i, str(folders[i]) if folders else "")
+        for i in range(scenario.vessels)
+    ]
     begin_s = time.monotonic()
     if settings.lockstep:
         result, runs = _sail_in_step(world, configs, settings, progress)
+    elif folder is None:
+        raise ConfigError("real time needs a folder for the runtimes' files", key="out")
     else:
         result, runs = _sail_in_real_time(world, configs, folders, settings, progress)
     wall_s = time.monotonic() - begin_s
@@ -94,9 +104,10 @@ def sail(
         real_time_factor=result.duration_s / wall_s,
         wall_s=wall_s,
     )
-    outcomes = [vessel.outcome for vessel in report.vessels]
-    travel_s = [vessel.travel_time_s for vessel in report.vessels]
-    draw_trajectories(folder / "trajectories.png", scenario, result.log, outcomes, travel_s)
+    if folder is not None:
+        outcomes = [vessel.outcome for vessel in report.vessels]
+        travel_s = [vessel.travel_time_s for vessel in report.vessels]
+        draw_trajectories(folder / "trajectories.png", scenario, result.log, outcomes, travel_s)
     return report
 
 
@@ -144,7 +155,7 @@ def _voyage(
     return Voyage(world, crew, scan_s=scan_s, progress=progress)
 
 
-def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: Path) -> RuntimeConfig:
+def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: str) -> RuntimeConfig:
     policy = Path(settings.policy)
     return RuntimeConfig(
         name=scenario.names[index],
@@ -152,7 +163,7 @@ def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: Path
         policy=str(policy.resolve()) if policy.is_file() else settings.policy,
         mission=MissionSettings(goal_radius_m=scenario.goal_radius),
         autopilot=AutopilotSettings(system_id=index + 1, arm=True, receiver_fitted=False),
-        recording=RecordingSettings(folder=str(folder)),
+        recording=RecordingSettings(folder=folder),
     )
 
 

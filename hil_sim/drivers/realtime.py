@@ -1,4 +1,4 @@
-"""Real time: each vessel's runtime is a process of its own, joined by Zenoh and MAVLink over UDP."""
+"""Real time: a process for each vessel's runtime, joined by Zenoh and by MAVLink over UDP."""
 
 from __future__ import annotations
 

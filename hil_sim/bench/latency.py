@@ -1,0 +1,124 @@
+"""From a cloud's bytes to the thrust's bytes: each stage, and the whole step."""
+
+from __future__ import annotations
+
+from itertools import cycle, islice
+from typing import Any
+
+import numpy as np
+
+from twinscrew.hil_sim.bench.scenes import basin, open_water
+from twinscrew.hil_sim.bench.timing import Stopwatch, garbage_at_rest
+from twinscrew.runtime.app.assemble import make_controller
+from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.controller import Controller
+from twinscrew.runtime.app.mission import MissionSettings
+from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.types import Engagement, Odometry, PointCloud
+from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.policy.observation import observe
+
+SCANS = 2000
+DIFFERENT = 40
+"""[-] Different scans of a kind, in turn: the processor's caches see no scan twice in a row."""
+PERIOD_NS = 100_000_000
+GOAL_M = (40.0, 40.0)
+CONFIG = RuntimeConfig(
+    mission=MissionSettings(waypoints_m=(GOAL_M,)),
+    autopilot=AutopilotSettings(check_parameters=False),
+)
+
+
+def run() -> dict[str, Any]:
+    """Measure: {"latency": {density: {stage: {"p50_ms", "p99_ms", "max_ms"}}}}."""
+    return {"latency": {name: _measure(scans) for name, scans in clouds().items()}}
+
+
+def clouds() -> dict[str, list[tuple[PointCloud, Odometry]]]:
+    """Give the scans of each density, with the odometry of each."""
+    sensor = load_sensor(CONFIG.sensor)
+    full = len(sensor.elevations) * len(sensor.azimuths)
+    at_rest = open_water(1)[0][1]
+    sizes = {"30k": 30_000, "70k": full}
+    dense = {
+        name: [(basin(sensor, points, seed), at_rest) for seed in range(DIFFERENT)]
+        for name, points in sizes.items()
+    }
+    there = open_water(DIFFERENT)
+    back = there[::-1]  # there and back again: the vessel never jumps
+    return {"sparse": there + back, **dense}
+
+
+def _measure(scans: list[tuple[PointCloud, Odometry]]) -> dict[str, dict[str, float]]:
+    watch = Stopwatch()
+    with garbage_at_rest():
+        _time_stages(scans, watch)
+        _time_steps(scans, watch)
+    return watch.all_figures()
+
+
+def _stamped(
+    scans: list[tuple[PointCloud, Odometry]],
+) -> list[tuple[int, bytes, bytes]]:
+    """Give each scan's payload and its odometry's, in turn, with stamps that go on."""
+    payloads = []
+    for k, (cloud, odometry) in enumerate(islice(cycle(scans), SCANS)):
+        stamp_ns = k * PERIOD_NS
+        payloads.append(
+            (
+                stamp_ns,
+                cdr.encode_point_cloud(_at(cloud, stamp_ns)),
+                cdr.encode_odometry(_at(odometry, stamp_ns)),
+            )
+        )
+    return payloads
+
+
+def _at(message: Any, stamp_ns: int) -> Any:
+    from dataclasses import replace
+
+    return replace(message, stamp_ns=stamp_ns)
+
+
+def _time_stages(scans: list[tuple[PointCloud, Odometry]], watch: Stopwatch) -> None:
+    controller = make_controller(CONFIG)
+    pipeline = controller.core.pipeline
+    goal = pipeline.mission.goal
+    assert goal is not None  # noqa: S101
+    thrust = np.array([300.0, 400.0])
+    for k, (scan, odometry) in enumerate(islice(cycle(scans), SCANS)):
+        stamp_ns = k * PERIOD_NS
+        payload = cdr.encode_point_cloud(_at(scan, stamp_ns))
+        with watch.time("decode"):
+            cloud = cdr.decode_point_cloud(payload)
+        with watch.time("project"):
+            pipeline.perception.project(cloud, odometry.q_NB)
+        with watch.time("segment"):
+            pipeline.perception.segment()
+        with watch.time("objects"):
+            objects = pipeline.perception.objects(stamp_ns)
+        with watch.time("track"):
+            tracks = pipeline.tracker.step(objects, _at(odometry, stamp_ns))
+        with watch.time("observe"):
+            seen = observe(odometry, goal, tracks, thrust)
+        with watch.time("infer"):
+            pipeline.policy.act(seen)
+        with watch.time("encode"):
+            controller.link.command(thrust, stamp_ns / 1e9)
+
+
+def _time_steps(scans: list[tuple[PointCloud, Odometry]], watch: Stopwatch) -> None:
+    controller = _engaged(make_controller(CONFIG))
+    for stamp_ns, cloud, odometry in _stamped(scans):
+        now_s = stamp_ns / 1e9
+        controller.take_in("odometry", odometry, now_s)
+        with watch.time("step"):
+            controller.take_in("points", cloud, now_s)
+            controller.command(now_s)
+
+
+def _engaged(controller: Controller) -> Controller:
+    message = cdr.encode_engagement(Engagement(stamp_ns=0, engaged=True))
+    controller.take_in("engagement", message, 0.0)
+    return controller
