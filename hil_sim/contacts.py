@@ -20,15 +20,11 @@ class Obstacles:
     """[m, rad] [N] (Q, 6) North, east of the centre; length, width, height; heading: quays."""
 
 
-def gaps(
-    position_N: Float64, radius: float, present: NDArray[np.bool_], obstacles: Obstacles
-) -> Float64:
-    """Give the distances between the vessels' circles and everything else.
+def reaches(radius: float, present: NDArray[np.bool_], obstacles: Obstacles) -> Float64:
+    """Give at which distances between centres surfaces touch, for `gaps`.
 
     Parameters
     ----------
-    position_N : (V, 2) float64
-        The vessels' origins [m], frame N.
     radius : float
         Radius of the circle that holds a vessel [m].
     present : (V,) bool
@@ -38,18 +34,43 @@ def gaps(
 
     Returns
     -------
-    gaps : (V, V + B + Q) float64
-        Distances between surfaces [m]: to vessels, to buoys, to quays. Negative where they overlap;
-        infinite to itself, and to and from what is not there.
+    reaches : (V, V + B + Q) float64
+        Distances [m]; minus infinity for what cannot touch: a vessel and itself, or one that left.
     """
-    vessels = _distances(position_N, position_N) - 2 * radius
-    np.fill_diagonal(vessels, np.inf)
-    vessels[:, ~present] = np.inf
-    buoys = _distances(position_N, obstacles.circles[:, :2]) - obstacles.circles[:, 2] - radius
-    quays = [distance_to_box(position_N, box) - radius for box in obstacles.boxes]
-    all_gaps = np.column_stack([vessels, buoys, *quays])
-    all_gaps[~present] = np.inf
-    return all_gaps
+    count = len(present)
+    others = np.full(count, radius), obstacles.circles[:, 2], np.zeros(len(obstacles.boxes))
+    reaches = np.tile(radius + np.concatenate(others), (count, 1))
+    np.fill_diagonal(reaches, -np.inf)
+    reaches[~present] = -np.inf
+    reaches[:, :count][:, ~present] = -np.inf
+    return reaches
+
+
+def gaps(position_N: Float64, reaches: Float64, obstacles: Obstacles) -> Float64:
+    """Give the distances between the surfaces of the vessels and of everything else.
+
+    Parameters
+    ----------
+    position_N : (V, 2) float64
+        The vessels' origins [m], frame N.
+    reaches : (V, V + B + Q) float64
+        Distances [m] at which surfaces touch, see `reaches`.
+    obstacles : Obstacles
+        Buoys and quays.
+
+    Returns
+    -------
+    gaps : (V, V + B + Q) float64
+        Distances [m] to vessels, to buoys, to quays. Negative where they overlap, infinite where
+        they cannot touch.
+    """
+    centres = np.concatenate([position_N, obstacles.circles[:, :2]])
+    offset = position_N[:, None] - centres
+    distance: Float64 = np.hypot(offset[..., 0], offset[..., 1])
+    if len(obstacles.boxes):
+        to_boxes = [distance_to_box(position_N, box) for box in obstacles.boxes]
+        distance = np.column_stack([distance, *to_boxes])
+    return distance - reaches
 
 
 def distance_to_box(position_N: Float64, box: Float64) -> Float64:
@@ -60,9 +81,3 @@ def distance_to_box(position_N: Float64, box: Float64) -> Float64:
     outside = np.maximum(np.abs(offset) - [length / 2, width / 2], 0.0)
     distance: Float64 = np.hypot(outside[:, 0], outside[:, 1])
     return distance
-
-
-def _distances(a: Float64, b: Float64) -> Float64:
-    offset = a[:, None] - b[None]
-    distances: Float64 = np.hypot(offset[..., 0], offset[..., 1])
-    return distances

@@ -80,26 +80,26 @@ class Supervisor:
 
         It stops early when the last vessel's outcome is known.
         """
-        for _ in range(self.world.steps_in(duration_s)):
-            if self.over:
-                return
-            self.world.step(commands)
-            self.judge()
+        if not self.over:
+            self.world.advance(duration_s, commands, until=self._judge)
 
-    def judge(self) -> None:
-        """Give outcomes for what the world's last step has done: collision, goal, time-out."""
+    def _judge(self) -> bool:
+        """Give outcomes for what the world's last step has done; tell if the episode is over."""
         world, scenario = self.world, self.world.scenario
-        touching = world.gaps.min(axis=1, initial=np.inf) <= 0.0
-        to_goal = np.linalg.norm(world.state.position_N[:, :2] - scenario.goals, axis=1)
+        offset = world.state.position_N[:, :2] - scenario.goals
+        touching = (world.nearest <= 0.0).tolist()
+        arrived = (np.hypot(offset[:, 0], offset[:, 1]) <= scenario.goal_radius).tolist()
+        late = self.elapsed_s >= scenario.time_limit_s
         for vessel, outcome in enumerate(self.outcomes):
             if outcome is not None:
                 continue
             if touching[vessel]:
                 self._end(vessel, Outcome.COLLISION)
-            elif to_goal[vessel] <= scenario.goal_radius:
+            elif arrived[vessel]:
                 self._end(vessel, Outcome.GOAL)
-            elif self.elapsed_s >= scenario.time_limit_s:
+            elif late:
                 self._end(vessel, Outcome.TIMEOUT)
+        return self.over
 
     def results(self) -> tuple[Result, ...]:
         """Give how every vessel has fared until now."""

@@ -6,6 +6,8 @@ Its time is an integer count of steps, so that it never drifts.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
@@ -75,6 +77,7 @@ class World:
         self._moorings_N = scenario.starts.copy()
         self._closest = np.full(scenario.vessels, np.inf)
         self._bodies: tuple[int, Bodies] | None = None
+        self._measure_reaches()
         self._measure_gaps()
 
     @property
@@ -98,6 +101,11 @@ class World:
         return self._gaps
 
     @property
+    def nearest(self) -> Float64:
+        """[m] (V,) Least of each vessel's gaps now."""
+        return self._nearest
+
+    @property
     def closest_approach(self) -> Float64:
         """[m] (V,) Least gap while under way so far: negative after a collision."""
         return self._closest.copy()
@@ -106,11 +114,18 @@ class World:
         """Move everything on by one step, under thrust commands (V, 2) [N], left and right."""
         self._step(self._checked(commands))
 
-    def advance(self, duration_s: float, commands: Float64) -> None:
-        """Move everything on by a whole number of steps, under held commands (V, 2) [N]."""
+    def advance(
+        self, duration_s: float, commands: Float64, until: Callable[[], bool] | None = None
+    ) -> None:
+        """Move everything on by a whole number of steps, under held commands (V, 2) [N].
+
+        `until` is asked after every step; the world stops when it says so.
+        """
         commands = self._checked(commands)
         for _ in range(self.steps_in(duration_s)):
             self._step(commands)
+            if until is not None and until():
+                return
 
     def steps_in(self, duration_s: float) -> int:
         """Give how many steps a duration is; a ValueError if it is not a whole number."""
@@ -132,6 +147,7 @@ class World:
         """Take a vessel off the map: nobody sees or touches it any more."""
         self.present[vessel] = False
         self._bodies = None
+        self._measure_reaches()
 
     def odometry(self, vessel: int) -> Odometry:
         """Give a vessel's odometry now."""
@@ -174,11 +190,14 @@ class World:
         self._measure_gaps()
 
     def _measure_gaps(self) -> None:
-        position_N, radius = self.state.position_N[:, :2], self.parameters.collision_radius_m
-        self._gaps = contacts.gaps(position_N, radius, self.present, self._obstacles)
-        nearest = self._gaps.min(axis=1, initial=np.inf)
-        under_way = self.present & ~self.moored
-        self._closest[under_way] = np.minimum(self._closest, nearest)[under_way]
+        self._gaps = contacts.gaps(self.state.position_N[:, :2], self._reaches, self._obstacles)
+        self._nearest: Float64 = self._gaps.min(axis=1)
+        nearer = (self._nearest < self._closest) & ~self.moored
+        self._closest[nearer] = self._nearest[nearer]
+
+    def _measure_reaches(self) -> None:
+        radius = self.parameters.collision_radius_m
+        self._reaches = contacts.reaches(radius, self.present, self._obstacles)
 
 
 def make_world(

@@ -7,9 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twinscrew.hil_sim.contacts import Obstacles, distance_to_box, gaps
+from twinscrew.hil_sim.contacts import Obstacles, distance_to_box, reaches
+from twinscrew.hil_sim.contacts import gaps as gaps_with
 
 NOTHING = Obstacles(circles=np.empty((0, 3)), boxes=np.empty((0, 6)))
+
+
+def gaps(
+    position: np.ndarray, radius: float, present: np.ndarray, obstacles: Obstacles
+) -> np.ndarray:
+    return gaps_with(position, reaches(radius, present, obstacles), obstacles)
 
 
 def test_gaps_are_distances_between_surfaces() -> None:
