@@ -22,7 +22,8 @@ class ZenohSettings(Settings, frozen=True):
     """How to reach the others. Complete without a file."""
 
     mode: Literal["peer", "client", "router"] = "peer"
-    """A peer goes on trying to reach its `connect` endpoints; a client needs one at once."""
+    """A peer goes on trying to reach its `connect` endpoints, and hears those who are there. A
+    client needs one of them at once, and hears everybody whom that one hears: for tools."""
     connect: tuple[str, ...] = (DEFAULT_ENDPOINT,)
     """Where to find the others: a simulator, a bridge or a router."""
     listen: tuple[str, ...] = ()

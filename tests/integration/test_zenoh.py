@@ -49,7 +49,7 @@ def listening(endpoint, **more):
 
 @pytest.fixture
 def simulator(endpoint):
-    bus = ZenohBus(listening(endpoint, mode="router", lossless=True), "sim")
+    bus = ZenohBus(listening(endpoint, lossless=True), "sim")
     yield bus.within("wamv1")
     bus.close()
 
@@ -91,10 +91,12 @@ def test_another_process_hears_every_byte_and_answers(simulator, endpoint):
         process.wait()
 
 
-def test_a_program_that_knows_only_zenoh_is_heard_and_hears(boat, simulator, endpoint):
+def test_a_client_that_knows_only_zenoh_is_heard_and_hears_through_the_simulator(
+    boat, simulator, endpoint
+):
     heard, inbox = [], Inbox()
     inbox.listen(boat, ("odometry",))
-    config = zenoh_config(ZenohSettings(connect=(endpoint,)))
+    config = zenoh_config(ZenohSettings(mode="client", connect=(endpoint,)))
     with zenoh.open(config) as session:
         listener = session.declare_subscriber("wamv1/thrusters/left/thrust", heard.append)
         assert boat.wait_for_subscribers(("thrust_left",), 20)
