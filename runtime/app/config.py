@@ -48,5 +48,5 @@ class RuntimeConfig(Settings, frozen=True):
 
 
 def load_config(path: Path) -> RuntimeConfig:
-    """Read a runtime's configuration; a `ConfigError` names file, key, value and what is allowed."""
+    """Read a runtime's configuration; a `ConfigError` says what in it cannot be used."""
     return load(path, RuntimeConfig)

@@ -47,4 +47,4 @@ class Latencies:
 
     def _at(self, ends: NDArray[np.int64], rank: float) -> float:
         bin_ = int(np.searchsorted(ends, rank))
-        return min(self.LEAST_MS * self.RATIO ** (bin_ + 0.5), self._max_ms)
+        return float(min(self.LEAST_MS * self.RATIO ** (bin_ + 0.5), self._max_ms))
