@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from operator import attrgetter
 
 import numpy as np
 from msgspec import field
@@ -68,6 +69,8 @@ class RoverAutopilot:
         self._once: list[int] = []
         self._replies: list[Message] = []
         self._now_s = boot_s
+        self._turned: tuple[int, int] | None = None
+        self._thrust: Float64 = np.zeros(2)
         self._handlers: dict[str, Callable[[Message], None]] = {
             "RC_CHANNELS_OVERRIDE": self._on_override,
             "MANUAL_CONTROL": self._on_manual_control,
@@ -107,9 +110,11 @@ class RoverAutopilot:
 
     def thrust_command_N(self) -> Float64:
         """Give the thrust, (2,) [N] left and right, that the outputs ask of the propellers."""
-        left, right = self.rover.propellers()
-        scale = self._paddles
-        return np.array([thrust_from_pwm(left, scale), thrust_from_pwm(right, scale)])
+        if self.rover.propellers != self._turned:
+            self._turned = self.rover.propellers
+            self._thrust = np.array([thrust_from_pwm(us, self._paddles) for us in self._turned])
+            self._thrust.flags.writeable = False  # the same array is given until it changes
+        return self._thrust
 
     def send_once(self, message_id: int) -> None:
         """Send a message with the next step."""
@@ -120,8 +125,7 @@ class RoverAutopilot:
         return target in (0, self._system_id)
 
     def _on_override(self, message: Message) -> None:
-        values = [getattr(message, name) for name in _CHANNEL_NAMES]
-        self.rover.override(values, message.get_srcSystem(), self._now_s)
+        self.rover.override(_channels(message), message.get_srcSystem(), self._now_s)
 
     def _on_manual_control(self, message: Message) -> None:
         values = [65535] * 16
@@ -171,7 +175,8 @@ class RoverAutopilot:
             self._replies.append(mavlink.MAVLink_timesync_message(boot_ns, message.ts1))
 
 
-_CHANNEL_NAMES = tuple(f"chan{n}_raw" for n in range(1, 17))
+_channels = attrgetter(*(f"chan{n}_raw" for n in range(1, 17)))
+"""The sixteen values [us] of RC_CHANNELS_OVERRIDE that the radio has channels for."""
 _NOT_STREAMED = (
     mavlink.MAVLINK_MSG_ID_HEARTBEAT,
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,

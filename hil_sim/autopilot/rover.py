@@ -72,6 +72,8 @@ class Rover:
         self._now_s = boot_s
         self._mixer = Mixer(self.parameters)
         self._mixed_at = self.parameters.changes
+        self.propellers = self._mixer.outputs(None)
+        """[us] Pulse widths that drive the left and right propeller."""
 
     @property
     def is_boat(self) -> bool:
@@ -88,6 +90,7 @@ class Rover:
         if number not in (Mode.MANUAL, Mode.HOLD):
             return False
         self.mode = Mode(int(number))
+        self._drive()
         return True
 
     def arm(self, *, force: bool = False) -> bool:
@@ -99,6 +102,7 @@ class Rover:
         if not self.armed:
             self.texts.append("Throttle armed")
         self.armed = True
+        self._drive()
         return True
 
     def disarm(self) -> None:
@@ -106,6 +110,7 @@ class Rover:
         if self.armed:
             self.texts.append("Throttle disarmed")
         self.armed = False
+        self._drive()
 
     def set_servo(self, number: float, pwm_us: float) -> bool:
         """DO_SET_SERVO: refused on a propeller's output; elsewhere it works even disarmed."""
@@ -115,9 +120,13 @@ class Rover:
         return True
 
     def step(self, now_s: float) -> None:
-        """Let time pass: channels age, the failsafe watches."""
+        """Let time pass: channels age, the failsafe watches, the outputs follow."""
         self._now_s = now_s
         self.radio.update(now_s, self.parameters["RC_OVERRIDE_TIME"])
+        self._watch_radio(now_s)
+        self._drive()
+
+    def _watch_radio(self, now_s: float) -> None:
         silent_s = self.radio.silent_s(now_s, self.boot_s)
         watched = self.parameters["FS_THR_ENABLE"] != 0
         if not watched or silent_s <= LOST_AFTER_S:
@@ -137,7 +146,7 @@ class Rover:
 
     def servo_outputs(self) -> list[int]:
         """Give the pulse widths [us] of outputs 1 to 16, as SERVO_OUTPUT_RAW tells them."""
-        left, right = self.propellers()
+        left, right = self.propellers
         drives = {THROTTLE_LEFT: left, THROTTLE_RIGHT: right}
         functions = self._wiring().functions
         return [
@@ -145,14 +154,13 @@ class Rover:
             for function, servo in zip(functions, self._servos, strict=True)
         ]
 
-    def propellers(self) -> tuple[int, int]:
-        """Give the pulse widths [us] that drive the left and right propeller."""
+    def _drive(self) -> None:
         lost = (
             self.parameters["FS_THR_ENABLE"] != 0
             and self.radio.silent_s(self._now_s, self.boot_s) > NEUTRAL_AFTER_S
         )
         driven = self.armed and self.mode is Mode.MANUAL and not lost
-        return self._wiring().outputs(self.radio.values if driven else None)
+        self.propellers = self._wiring().outputs(self.radio.values if driven else None)
 
     def _wiring(self) -> Mixer:
         if self._mixed_at != self.parameters.changes:

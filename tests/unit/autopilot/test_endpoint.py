@@ -138,7 +138,7 @@ def test_manual_control_is_two_paddles_too():
     talk.command(400, 1)
     talk.say(mavlink.MAVLink_manual_control_message(SYSTEM, 32767, 500, -500, 32767, 0))
     talk.hear()
-    assert talk.autopilot.rover.propellers() == (1750, 1250)
+    assert talk.autopilot.rover.propellers == (1750, 1250)
 
 
 @pytest.mark.parametrize("message", ["override", "manual_control"])

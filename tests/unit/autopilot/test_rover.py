@@ -41,20 +41,20 @@ def test_outputs_follow_overrides_one_to_one(pulse):
     sail(boat, since_s=0.2, until_s=0.5, left=pulse, right=3000 - pulse)
     outputs = boat.servo_outputs()
     assert (outputs[0], outputs[2]) == (pulse, 3000 - pulse)
-    assert boat.propellers() == (pulse, 3000 - pulse)
+    assert boat.propellers == (pulse, 3000 - pulse)
 
 
 def test_overrides_of_another_system_are_silently_ignored():
     boat = underway()
     sail(boat, since_s=0.2, until_s=0.5, left=1700, right=1700, sender=255)
-    assert boat.propellers() == (1500, 1500)
+    assert boat.propellers == (1500, 1500)
     assert boat.texts == ["Throttle armed"]
 
 
 def test_disarmed_outputs_are_neutral():
     boat = rover()
     sail(boat, until_s=0.5, left=1700, right=1700)
-    assert boat.propellers() == (1500, 1500)
+    assert boat.propellers == (1500, 1500)
 
 
 def test_arming_is_refused_for_a_while_after_boot():
@@ -87,7 +87,7 @@ def test_without_a_receiver_thrust_is_neutral_within_0_66_s_and_hold_comes_at_2_
     story = []
     for k in range(100, 400):
         boat.step(k / 100)
-        story.append((k / 100 - 1.0, boat.propellers(), boat.mode))
+        story.append((k / 100 - 1.0, boat.propellers, boat.mode))
     neutral_s = next(t for t, outputs, _ in story if outputs == (1500, 1500))
     hold_s = next(t for t, _, mode in story if mode is Mode.HOLD)
     assert 0.55 <= neutral_s <= 0.66
@@ -107,7 +107,7 @@ def test_fs_timeout_moves_hold():
 def test_without_the_throttle_failsafe_the_propellers_run_on_for_ever():
     boat = underway(parameters={"FS_THR_ENABLE": 0.0})
     sail(boat, since_s=0.2, until_s=120.0, left=1700, right=1700, overrides_until_s=1.0)
-    assert boat.propellers() == (1700, 1700)
+    assert boat.propellers == (1700, 1700)
     assert boat.mode is Mode.MANUAL
 
 
@@ -115,9 +115,9 @@ def test_with_a_receiver_thrust_is_held_for_3_s_and_then_the_sticks_rule():
     boat = underway(receiver=True)
     boat.radio.sticks[0] = boat.radio.sticks[2] = 1600
     sail(boat, since_s=0.2, until_s=3.9, left=1700, right=1700, overrides_until_s=1.0)
-    assert boat.propellers() == (1700, 1700)
+    assert boat.propellers == (1700, 1700)
     sail(boat, since_s=3.9, until_s=4.1, overrides_until_s=1.0)
-    assert boat.propellers() == (1600, 1600)
+    assert boat.propellers == (1600, 1600)
     assert boat.mode is Mode.MANUAL
 
 
@@ -127,7 +127,7 @@ def test_a_channel_given_back_is_the_receivers_at_once():
     sail(boat, since_s=0.2, until_s=0.5, left=1700, right=1700)
     boat.override(sticks(0, 0), SYSTEM, 0.5)
     boat.step(0.52)
-    assert boat.propellers() == (1550, 1500)
+    assert boat.propellers == (1550, 1500)
 
 
 def test_hold_latches():
@@ -136,10 +136,10 @@ def test_hold_latches():
     assert boat.mode is Mode.HOLD
     sail(boat, since_s=3.0, until_s=10.0, left=1700, right=1700)
     assert boat.mode is Mode.HOLD
-    assert boat.propellers() == (1500, 1500)
+    assert boat.propellers == (1500, 1500)
     assert boat.texts[-1] == "Radio Failsafe Cleared"
     assert boat.set_mode(Mode.MANUAL)
-    assert boat.propellers() == (1700, 1700)
+    assert boat.propellers == (1700, 1700)
 
 
 def test_a_boat_that_boots_alone_is_in_hold_after_2_s():
@@ -179,13 +179,13 @@ def test_a_mode_that_is_not_there_is_refused():
 def test_a_dead_zone_swallows_small_paddles():
     boat = underway(parameters={"RC1_DZ": 30.0})
     sail(boat, since_s=0.2, until_s=0.4, left=1525, right=1525)
-    assert boat.propellers() == (1500, 1525)
+    assert boat.propellers == (1500, 1525)
 
 
 def test_with_one_stick_for_steering_the_paddles_are_mixed():
     boat = underway(parameters={"PILOT_STEER_TYPE": 0.0})
     sail(boat, since_s=0.2, until_s=0.4, left=1600, right=1700)
-    assert boat.propellers() == (1800, 1600)
+    assert boat.propellers == (1800, 1600)
 
 
 def test_swapped_outputs_are_swapped():
