@@ -1,4 +1,5 @@
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.link.commands import heartbeat
@@ -107,3 +108,27 @@ def test_what_is_no_key_is_refused(tmp_path, content):
 def test_a_missing_key_file_is_named(tmp_path):
     with pytest.raises(ConfigError, match="nowhere"):
         read_key(tmp_path / "nowhere")
+
+
+def pymavlink_end():
+    """Make pymavlink's own codec with our key: another implementation of the same rules."""
+    codec = mavlink.MAVLink(None, 1, 1)
+    codec.robust_parsing = True
+    codec.signing.secret_key = KEY
+    codec.signing.sign_outgoing = True
+    codec.signing.timestamp = round((NOW_S - EPOCH_S) * 1e5)
+    return codec
+
+
+def test_pymavlink_hears_what_we_sign():
+    codec, wire = pymavlink_end(), end(KEY, system=2)
+    for _ in range(3):
+        (heard,) = codec.parse_buffer(wire.encode(heartbeat()))
+        assert heard.get_type() == "HEARTBEAT"
+    (refused,) = codec.parse_buffer(end(OTHER_KEY, system=3).encode(heartbeat()))
+    assert refused.get_type() == "BAD_DATA"
+
+
+def test_we_hear_what_pymavlink_signs():
+    codec, ear = pymavlink_end(), end(KEY, system=2)
+    assert [len(ear.decode(heartbeat().pack(codec))) for _ in range(3)] == [1, 1, 1]

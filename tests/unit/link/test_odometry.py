@@ -1,0 +1,65 @@
+import math
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from twinscrew.runtime.link.odometry import PAIR_WITHIN_MS, OdometryFromAutopilot
+
+BOOT_S = 500.0
+"""[s] The caller's time when the autopilot booted."""
+
+
+def feed(source, boot_ms, *, delay_s=0.0, attitude_ms=None, **values):
+    attitude_ms = boot_ms if attitude_ms is None else attitude_ms
+    yaw = values.get("yaw", 0.0)
+    x, vx, vy = (values.get(name, 0.0) for name in ("x", "vx", "vy"))
+    now_s = BOOT_S + boot_ms * 1e-3 + delay_s
+    attitude = mavlink.MAVLink_attitude_message(attitude_ms, 0.0, 0.0, yaw, 0.0, 0.0, 0.1)
+    source.attitude(attitude, now_s)
+    position = mavlink.MAVLink_local_position_ned_message(boot_ms, x, 2.0, 3.0, vx, vy, 0.0)
+    source.position(position, now_s)
+    return source.newest
+
+
+def test_velocity_is_turned_into_the_body():
+    got = feed(OdometryFromAutopilot(), 1000, x=1.0, yaw=math.pi / 2, vx=0.0, vy=2.0)
+    assert got.position_N.tolist() == [1.0, 2.0, 3.0]
+    assert got.velocity_B == pytest.approx([2.0, 0.0, 0.0], abs=1e-9)
+    assert got.heading == pytest.approx(math.pi / 2)
+    assert got.rates_B.tolist() == [0.0, 0.0, 0.1]
+
+
+def test_the_stamp_is_when_it_was_measured_not_when_it_came():
+    source = OdometryFromAutopilot()
+    feed(source, 1000, delay_s=0.0)
+    got = feed(source, 1050, delay_s=0.2)
+    assert got.stamp_ns * 1e-9 == pytest.approx(BOOT_S + 1.05, abs=1e-3)
+
+
+def test_a_drifting_clock_is_followed():
+    source = OdometryFromAutopilot()
+    drift = 50e-6
+    for k in range(0, 3_600_000, 5000):
+        now_s = BOOT_S + k * 1e-3 * (1 + drift)
+        source.attitude(mavlink.MAVLink_attitude_message(k, 0, 0, 0, 0, 0, 0), now_s)
+        source.position(mavlink.MAVLink_local_position_ned_message(k, 0, 0, 0, 0, 0, 0), now_s)
+    assert source.newest.stamp_ns * 1e-9 == pytest.approx(now_s, abs=1e-3)
+
+
+def test_messages_of_different_moments_are_not_joined():
+    assert feed(OdometryFromAutopilot(), 1000, attitude_ms=1000 - PAIR_WITHIN_MS - 1) is None
+
+
+def test_an_autopilot_that_starts_again_is_aligned_anew():
+    source = OdometryFromAutopilot()
+    feed(source, 100_000)
+    got = feed(source, 1000, delay_s=99.0)
+    assert got.stamp_ns * 1e-9 == pytest.approx(BOOT_S + 100.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_what_is_not_finite_is_dropped(value):
+    source = OdometryFromAutopilot()
+    assert feed(source, 1000, x=value) is None
+    assert np.isfinite(feed(source, 1050).position_N).all()
