@@ -22,6 +22,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from twinscrew.runtime.errors import ConfigError
@@ -29,7 +30,9 @@ from twinscrew.runtime.messages.types import OBSERVED_OBJECTS, Float32, Float64
 from twinscrew.runtime.policy.vessel_model import VesselParameters
 from twinscrew.runtime.settings import Count, Positive, Settings
 from twinscrew.training import contacts, scenarios
-from twinscrew.training.dynamics import Coefficients, Dynamics
+from twinscrew.training.conditions import CHANCES, Conditions, ConditionSettings
+from twinscrew.training.dynamics import Dynamics
+from twinscrew.training.imperfections import Imperfections, ImperfectionSettings
 from twinscrew.training.perception import Observations, Things, see_ego, see_objects
 from twinscrew.training.perception_noise import NoiseBank, NoiseSettings, draw
 from twinscrew.training.reward import RewardSettings, colregs_turn, reward
@@ -52,6 +55,10 @@ class EnvironmentSettings(Settings, frozen=True):
     vessel: VesselParameters = VesselParameters()
     noise: NoiseSettings = NoiseSettings()
     reward: RewardSettings = RewardSettings()
+    conditions: ConditionSettings = ConditionSettings()
+    imperfections: ImperfectionSettings = ImperfectionSettings()
+    park: bool = False
+    """Vessels that arrived stay at their goals as obstacles; as published they vanish."""
     period_s: Positive = 0.5
     """[s] Between two decisions; a multiple of the sub-step."""
     substep_s: Positive = 0.05
@@ -198,6 +205,8 @@ class VectorEnv:
         terminated = collided | reached
         self._decisions += 1
         self._active &= ~terminated
+        if self.settings.park:
+            self._parked |= reached
         truncated: Mask = self._active & (self._decisions >= self.settings.decision_limit)[:, None]
         final = self._observe()
         gained = reward(distance - left, collided, reached, self._turn(final), self.settings.reward)
@@ -233,11 +242,19 @@ class VectorEnv:
         self._buoy_there = np.zeros((episodes, buoys), bool)
         self._decisions = np.zeros(episodes, np.int64)
         self._radius = np.array([s.vessel.radius] * vessels + [s.map.buoy_radius_m] * buoys)
-        self._dynamics = Dynamics(
-            Coefficients(s.vessel, s.substep_s), episodes * vessels, s.substeps
-        )
-        streams = [slot_stream(self.seed, slot, Stream.PERCEPTION) for slot in self._slots]
-        self._noise = NoiseBank(s.noise, streams, (vessels, vessels + buoys))
+        self._parked = np.zeros(shape, bool)
+        self._conditions = Conditions(s.conditions, s.vessel, shape, s.substep_s)
+        self._dynamics = Dynamics(self._conditions.coefficients, episodes * vessels, s.substeps)
+        pairs = (vessels, vessels + buoys)
+        self._noise = NoiseBank(s.noise, self._streams(Stream.PERCEPTION), pairs)
+        self._imperfections = None
+        if s.imperfections.used:
+            streams = self._streams(Stream.IMPERFECTION)
+            self._imperfections = Imperfections(s.imperfections, streams, pairs, s.period_s)
+
+    def _streams(self, stream: Stream) -> list[Generator]:
+        """Give every slot's generator for one purpose."""
+        return [slot_stream(self.seed, slot, stream) for slot in self._slots]
 
     def _move(self, action: NDArray[np.floating]) -> None:
         """Change the thrusts and sail through the sub-steps of a decision."""
@@ -246,15 +263,13 @@ class VectorEnv:
         self._thrust += rate * self.settings.period_s
         np.clip(self._thrust, vessel.thrust_min_n, vessel.thrust_max_n, out=self._thrust)
         self._thrust *= self._active
-        tau = np.zeros((3, self._heading.size))
-        left, right = self._thrust.reshape(2, -1)
-        tau[0] = left + right
-        tau[2] = (left - right) * self._dynamics.coefficients.lever
+        elapsed = self._decisions.astype(np.float64) * self.settings.period_s
+        self._conditions.decide(self._thrust, self._heading, self._active, elapsed)
         self._dynamics.advance(
             self._north_east.reshape(2, -1),
             self._heading.reshape(-1),
             self._nu.reshape(3, -1),
-            lambda _: tau,
+            self._conditions.force,
         )
         self._position.real, self._position.imag = self._north_east
 
@@ -264,7 +279,8 @@ class VectorEnv:
         flat = self._dynamics.trajectory
         trajectory = flat.reshape(len(flat), 2, self.episodes, self.vessels)
         strayed = contacts.strayed(flat).reshape(self.episodes, self.vessels)
-        vessel = contacts.between_vessels(trajectory, strayed, self._active, radius)
+        there = self._active | self._parked
+        vessel = contacts.between_vessels(trajectory, strayed, there, radius) & self._active
         buoy = contacts.with_buoys(
             trajectory,
             strayed,
@@ -281,15 +297,19 @@ class VectorEnv:
         s = self.settings
         heading = np.exp(1j * self._heading)
         velocity = np.zeros((self.episodes, self.vessels + self.buoys), complex)
-        velocity[:, : self.vessels] = (self._nu[0] + 1j * self._nu[1]) * heading
+        velocity[:, : self.vessels] = (self._nu[0] + 1j * self._nu[1]) * heading * self._active
+        if self._imperfections is not None:
+            velocity = self._imperfections.lagged(velocity)
         things = Things(
             position=np.concatenate([self._position, self._buoy], axis=1),
             velocity=velocity,
             radius=self._radius,
-            there=np.concatenate([self._active, self._buoy_there], axis=1),
+            there=np.concatenate([self._active | self._parked, self._buoy_there], axis=1),
         )
         noise = self._noise.next()
-        objects, mask = see_objects(heading, things, noise, s.range_m, s.observed_objects)
+        objects, mask = see_objects(
+            heading, things, noise, s.range_m, s.observed_objects, self._imperfections
+        )
         ego = see_ego(self._position, heading, self._goal, self._nu, self._thrust)
         return Observations(ego, objects, mask)
 
@@ -326,7 +346,11 @@ class VectorEnv:
         self._active[slots] = scenario.vessel
         self._buoy[slots] = scenario.buoy
         self._buoy_there[slots] = scenario.buoy_there
+        self._parked[slots] = False
         self._decisions[slots] = 0
+        self._conditions.begin(slots, beginning.chance)
+        if self._imperfections is not None:
+            self._imperfections.forget(slots)
         observation.ego[slots] = beginning.ego
         observation.objects[slots] = beginning.objects
         observation.mask[slots] = beginning.mask
@@ -355,7 +379,7 @@ class VectorEnv:
             scenario.start, heading, scenario.goal, np.zeros((3, *shape)), np.zeros((2, *shape))
         )
         there = scenario.vessel.astype(np.float32)[..., None]
-        chance = np.stack([g.random((vessels + 1, 1)) for g in generators])
+        chance = np.stack([g.random((vessels + 1, CHANCES)) for g in generators])
         return Beginning(scenario, ego * there, objects * there[..., None], mask * there, chance)
 
 

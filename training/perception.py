@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twinscrew.runtime.messages.types import Float32, Float64
+from twinscrew.training.imperfections import Imperfections
 from twinscrew.training.perception_noise import Noise
 
 Complex = NDArray[np.complex128]
@@ -68,7 +69,12 @@ def see_ego(
 
 
 def see_objects(
-    heading: Complex, things: Things, noise: Noise, range_m: float, most: int
+    heading: Complex,
+    things: Things,
+    noise: Noise,
+    range_m: float,
+    most: int,
+    imperfections: Imperfections | None = None,
 ) -> tuple[Float32, Float32]:
     """Give the perceived objects, eq. (3), nearest surface first, and their mask.
 
@@ -85,6 +91,8 @@ def see_objects(
         is within this.
     most : int
         K: how many objects are given.
+    imperfections
+        What else goes wrong.
 
     Returns
     -------
@@ -92,17 +100,20 @@ def see_objects(
     mask : (E, V, K) float32
     """
     vessels = heading.shape[1]
-    turn = heading.conj().astype(np.complex64)[..., None]
     place = things.position.astype(np.complex64)
     p = place[:, None, :] - place[:, :vessels, None] + noise.position
     distance = np.abs(p)
-    p *= turn
-    v = (things.velocity.astype(np.complex64)[:, None, :] + noise.velocity) * turn
+    v = things.velocity.astype(np.complex64)[:, None, :] + noise.velocity
     true_radius = np.broadcast_to(things.radius, things.there.shape)[:, None, :].astype(np.float32)
     radius = true_radius * noise.radius
     seen = distance <= true_radius + np.float32(range_m)
     seen &= things.there[:, None, :]
     seen[:, np.arange(vessels), np.arange(vessels)] = False
+    if imperfections is not None:
+        p, v, radius, seen = imperfections.distort(p, v, radius, seen)
+        distance = np.abs(p)
+    turn = heading.conj().astype(np.complex64)[..., None]
+    p, v = p * turn, v * turn
     features = np.stack([p.real, p.imag, v.real, v.imag, radius], axis=-1)
     surface = np.where(seen, distance - radius, np.float32(np.inf))
     return _nearest(features, surface, most)

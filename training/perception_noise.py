@@ -1,8 +1,8 @@
 """The paper's perception noise, eqs. (13) to (15), independent for every vessel and object.
 
 The noise of a slot comes from the slot's own stream, drawn for many decisions at a time. Each
-number is one of 65 536 equally likely values, the midpoints of the quantile bins: a look-up in place
-of a rejection loop, and closer to the distribution than a run can tell.
+number is one of 65 536 equally likely values, the midpoints of the quantile bins: a look-up in
+place of a rejection loop, and closer to the distribution than a run can tell.
 """
 
 from __future__ import annotations

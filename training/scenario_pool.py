@@ -25,7 +25,7 @@ class Beginning(NamedTuple):
     mask: Float32
     """(N, V, K)"""
     chance: NDArray[np.float64]
-    """(N, V + 1, C) Uniform numbers in [0, 1) for whatever else an episode draws (conditions)."""
+    """(N, V + 1, C) Uniform numbers in [0, 1) for the conditions of each vessel and of all."""
 
 
 class Pool:
