@@ -1,0 +1,124 @@
+"""A whole training run, small: gathered, learnt, evaluated, saved, killed, resumed, exported."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import torch
+
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.training import runs
+from twinscrew.training.logs import Progress
+from twinscrew.training.train import Training
+from twinscrew.training.train_settings import load_training
+
+CONFIG = """
+parallel_episodes = 8
+warm_up = 200
+batch = 32
+updates_per_step = 0.5
+log_every = 10
+evaluate_every = 20
+evaluation_episodes = 2
+[agent]
+algorithm = "ac_iqn"
+[agent.network]
+object_width = 16
+feature_width = 32
+hidden_width = 32
+[[phases]]
+name = "first"
+steps = 40
+[[phases]]
+name = "second"
+steps = {second}
+keep_replay = false
+[phases.environment.reward]
+collision = -60
+[phases.agent]
+risk = 0.5
+"""
+
+
+def written(tmp_path, second=20):
+    file = tmp_path / "small.toml"
+    file.write_text(CONFIG.format(second=second))
+    return file
+
+
+def trained(folder, file, seed=0):
+    settings = load_training(file)
+    with runs.locked(folder), Progress("test", 60) as progress:
+        training = Training(settings, seed, folder, "cpu")
+        training.run(progress)
+    return training
+
+
+@pytest.fixture(autouse=True)
+def _one_thread():
+    torch.set_num_threads(1)
+
+
+def weights(training):
+    return torch.cat([p.flatten() for p in training.agent.average_actor.parameters()])
+
+
+def test_a_run_logs_evaluates_and_saves(tmp_path):
+    training = trained(tmp_path / "run", written(tmp_path))
+    log = runs.read_records(tmp_path / "run" / runs.LOG)
+    assert [r["event"] for r in (log[0], log[-1])] == ["start", "end"]
+    evaluations = [r for r in log if r["event"] == "evaluation"]
+    assert [r["step"] for r in evaluations] == [20, 40, 60]
+    assert [r["phase"] for r in evaluations] == ["first", "first", "second"]
+    assert all(len(r["rates"]) == 6 for r in evaluations)
+    assert training.agent.settings.risk == 0.5
+    assert 15 <= training.agent.updates <= 30
+    assert list((tmp_path / "run" / "tensorboard").glob("events*"))
+
+
+def test_the_same_seed_gives_the_same_policy_and_another_another(tmp_path):
+    file = written(tmp_path)
+    one, same, other = (trained(tmp_path / n, file, s) for n, s in (("a", 0), ("b", 0), ("c", 1)))
+    assert torch.equal(weights(one), weights(same))
+    assert not torch.equal(weights(one), weights(other))
+
+
+def test_a_finished_run_takes_further_phases_from_where_it_ended(tmp_path):
+    first = trained(tmp_path / "run", written(tmp_path))
+    longer = tmp_path / "small.toml"
+    longer.write_text(longer.read_text() + '[[phases]]\nname = "third"\nsteps = 20\n')
+    second = trained(tmp_path / "run", longer)
+    assert second.step == first.step + 20
+    assert second.agent.updates > first.agent.updates
+
+
+def test_a_directory_of_another_configuration_is_refused(tmp_path):
+    trained(tmp_path / "run", written(tmp_path))
+    with pytest.raises(ConfigError, match="another configuration"):
+        trained(tmp_path / "run", written(tmp_path, second=30))
+    with pytest.raises(ConfigError, match="another configuration or seed"):
+        trained(tmp_path / "run", written(tmp_path), seed=5)
+
+
+def test_a_killed_run_goes_on_from_its_last_checkpoint(tmp_path):
+    file, out = written(tmp_path, second=4000), tmp_path / "out"
+    command = [sys.executable, "-m", "twinscrew.runtime.app", "train", str(file), "--out", str(out)]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    checkpoint = out / "seed_0" / runs.CHECKPOINT
+    while not checkpoint.exists():
+        assert process.poll() is None
+        time.sleep(0.1)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    before = runs.load_checkpoint(checkpoint, "ac_iqn")["where"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    while runs.load_checkpoint(checkpoint, "ac_iqn")["where"]["step"] <= before["step"]:
+        assert process.poll() is None
+        time.sleep(0.1)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    log = runs.read_records(out / "seed_0" / runs.LOG)
+    assert [r["event"] for r in log].count("start") == 1
+    assert runs.load_checkpoint(checkpoint, "ac_iqn")["where"]["updates"] > before["updates"]

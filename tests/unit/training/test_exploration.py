@@ -1,0 +1,39 @@
+import numpy as np
+import pytest
+
+from twinscrew.training.exploration import CorrelatedNoise, ExplorationSettings, epsilon
+
+SETTINGS = ExplorationSettings(noise=0.5, correlation=0.9)
+
+
+def draw(steps=20_000, slots=3, seed=0):
+    noise = CorrelatedNoise(SETTINGS, slots, np.random.default_rng(seed))
+    return np.stack([noise.step() for _ in range(steps)])
+
+
+def test_sizes_go_from_none_to_the_full_one():
+    spread = np.sort(draw().std(axis=(0, 2)))
+    assert spread == pytest.approx([0.0, 0.25, 0.5], rel=0.1)
+
+
+def test_neighbouring_decisions_share_the_stated_correlation():
+    series = draw()
+    loudest = series[:, series.std(axis=(0, 2)).argmax(), 0]
+    assert np.corrcoef(loudest[1:], loudest[:-1])[0, 1] == pytest.approx(0.9, abs=0.02)
+
+
+def test_both_thrusters_have_noise_of_their_own():
+    series = draw()
+    loudest = series[:, series.std(axis=(0, 2)).argmax()]
+    assert abs(np.corrcoef(loudest.T)[0, 1]) < 0.15
+
+
+def test_the_same_generator_gives_the_same_noise():
+    assert np.array_equal(draw(10, seed=4), draw(10, seed=4))
+    assert not np.array_equal(draw(10, seed=4), draw(10, seed=5))
+
+
+def test_epsilon_falls_linearly_and_stays():
+    settings = ExplorationSettings(epsilon_start=0.6, epsilon_end=0.1, epsilon_steps=100)
+    falls = [epsilon(settings, step) for step in (0, 50, 100, 1000)]
+    assert falls == pytest.approx([0.6, 0.35, 0.1, 0.1])
