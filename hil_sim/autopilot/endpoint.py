@@ -15,6 +15,7 @@ from twinscrew.hil_sim.autopilot.mixer import in_uint16
 from twinscrew.hil_sim.autopilot.rover import Rover, RoverSettings
 from twinscrew.hil_sim.autopilot.streams import Streams
 from twinscrew.hil_sim.autopilot.telemetry import TELLERS, Moment, Origin
+from twinscrew.runtime.errors import ConfigError, one_of
 from twinscrew.runtime.link.paddles import STICK_SPAN, PaddleSettings, thrust_from_pwm
 from twinscrew.runtime.link.signing import Signing
 from twinscrew.runtime.link.wire import Message, Wire
@@ -59,8 +60,7 @@ class RoverAutopilot:
         signing: Signing | None = None,
     ) -> None:
         self.rover = Rover(settings.rover, system_id, boot_s)
-        names = {teller.__name__.upper(): id_ for id_, teller in TELLERS.items()}
-        wanted = {names[name]: 1.0 / hz for name, hz in settings.streams_hz.items()}
+        wanted = {_message_id(name): 1.0 / hz for name, hz in settings.streams_hz.items()}
         self.streams = Streams({mavlink.MAVLINK_MSG_ID_HEARTBEAT: settings.heartbeat_s} | wanted)
         self.wire = Wire(system_id, mavlink.MAV_COMP_ID_AUTOPILOT1, signing)
         self._paddles = settings.paddles
@@ -181,6 +181,13 @@ _NOT_STREAMED = (
     mavlink.MAVLINK_MSG_ID_HEARTBEAT,
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
 )
+
+
+def _message_id(name: str) -> int:
+    ids = {teller.__name__.upper(): id_ for id_, teller in TELLERS.items()}
+    if name not in ids:
+        raise ConfigError(one_of(name, ids), key="streams_hz")
+    return ids[name]
 
 
 def _statustext(text: str) -> Message:

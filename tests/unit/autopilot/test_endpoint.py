@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.rover import RoverSettings
 from twinscrew.hil_sim.autopilot.telemetry import TELLERS, Origin
+from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.geometry.frames import quaternion_from_euler
 from twinscrew.runtime.link.wire import Wire
 from twinscrew.runtime.messages.types import Odometry
@@ -251,3 +252,44 @@ def target_offset(kind):
             if name in names and len(values) == len(names) and values[names.index(name)] == 1:
                 return offset
     return None
+
+
+def test_commands_may_come_as_command_int():
+    talk = Talk()
+    talk.say(mavlink.MAVLink_command_int_message(SYSTEM, 1, 0, 176, 0, 0, 1, 4, 0, 0, 0, 0, 0))
+    assert [m.result for m in only(talk.hear(), "COMMAND_ACK")] == [0]
+    assert talk.autopilot.rover.mode == 4
+
+
+def test_the_old_set_mode_message_works_without_an_answer():
+    talk = Talk()
+    talk.say(mavlink.MAVLink_set_mode_message(SYSTEM, 1, 4))
+    assert only(talk.hear(), "COMMAND_ACK") == []
+    assert talk.autopilot.rover.mode == 4
+
+
+def test_the_old_stream_request_starts_and_stops_everything():
+    talk = Talk()
+    talk.say(mavlink.MAVLink_request_data_stream_message(SYSTEM, 1, 0, 4, 1))
+    heard = talk.hear(5.0)
+    assert len(only(heard, "ATTITUDE")) == len(only(heard, "SERVO_OUTPUT_RAW")) == 20
+    assert len(only(heard, "HEARTBEAT")) == 5
+    talk.say(mavlink.MAVLink_request_data_stream_message(SYSTEM, 1, 0, 4, 0))
+    assert {m.get_type() for m in talk.hear(5.0)} == {"HEARTBEAT"}
+
+
+def test_the_failsafe_shows_in_the_heartbeat():
+    talk = Talk()
+    beats = only(talk.hear(6.0), "HEARTBEAT")
+    assert beats[0].system_status == mavlink.MAV_STATE_ACTIVE
+    assert beats[-1].system_status == mavlink.MAV_STATE_CRITICAL
+    assert beats[-1].custom_mode == 4
+
+
+def test_streams_may_be_set_up_by_name():
+    settings = RoverAutopilotSettings(streams_hz={"ATTITUDE": 4.0})
+    autopilot, wire = RoverAutopilot(settings, SYSTEM), Wire(SYSTEM, 191)
+    heard = [m for k in range(100) for m in wire.decode(autopilot.step(k * 0.05, odometry()))]
+    assert len(only(heard, "ATTITUDE")) == 20
+    with pytest.raises(ConfigError, match="ALTITUDE"):
+        RoverAutopilot(RoverAutopilotSettings(streams_hz={"ALTITUDE": 4.0}), SYSTEM)

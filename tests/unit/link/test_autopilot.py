@@ -4,9 +4,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.link.authority import AskManual
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.settings import convert
 
 BOAT, ARDUPILOT = mavlink.MAV_TYPE_SURFACE_BOAT, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 MANUAL, HOLD, LOITER = 0, 4, 5
@@ -359,3 +361,51 @@ def raw_frame(message_id, payload, crc_extra):
     header = bytes([len(payload), 0, 0, 0, 1, 1]) + message_id.to_bytes(3, "little")
     crc = mavlink.x25crc(header + payload + bytes([crc_extra])).crc
     return b"\xfd" + header + payload + crc.to_bytes(2, "little")
+
+
+def test_it_disarms_when_told_to():
+    boat = in_state(armed=True)
+    boat.link.disarm()
+    (request,) = asked(boat, ARM, seconds=0.1)
+    assert request.param1 == 0
+
+
+def test_a_refused_manual_is_an_event():
+    boat = in_state(HOLD)
+    asked(boat, SET_MODE, seconds=0.1)
+    boat.ack(SET_MODE, 4)
+    assert boat.events() == ["mode_refused"]
+
+
+def test_a_mode_without_a_name_is_told_by_number():
+    boat = in_state(42)
+    assert boat.link.status.mode == "mode 42"
+
+
+def test_the_signing_key_may_come_from_a_file(tmp_path):
+    path = tmp_path / "key"
+    path.write_bytes(bytes(range(32)))
+    path.chmod(0o600)
+    boat = puppet(signing_key_file=str(path))
+    boat.beat()
+    assert not boat.link.status.connected
+    assert boat.link.status.bad_frames > 0
+    path.chmod(0o644)
+    with pytest.raises(ConfigError, match="chmod 600"):
+        puppet(signing_key_file=str(path))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"system_id": 0},
+        {"system_id": 256},
+        {"control": "semaphore"},
+        {"paddles": {"astern_N": -500.0}},
+        {"ask_manual": "always"},
+        {"sysid": 1},
+    ],
+)
+def test_settings_that_cannot_be_are_refused(wrong):
+    with pytest.raises(ConfigError, match=next(iter(wrong))):
+        convert(wrong, AutopilotSettings)
