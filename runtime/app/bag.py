@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, Final, Literal
@@ -120,6 +121,11 @@ class BagWriter:
         """Finish the last file and write the bag's metadata."""
         self._finish(self._file)
         self._write_metadata_file()
+
+    def abort(self) -> None:
+        """Leave the last file as it is on the disk."""
+        with suppress(OSError):
+            self._file.stream.close()
 
     def _open(self) -> _File:
         path = self._path / f"{self._path.name}_{self._number}.mcap"

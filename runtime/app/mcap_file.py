@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, BinaryIO, Final, NamedTuple, cast
 
@@ -72,11 +73,12 @@ class McapFile:
 
     def metadata(self, name: str) -> dict[str, str] | None:
         """Give the first metadata record of a name, of those that stand before any message."""
-        for record in self._records():
-            if isinstance(record, Metadata) and record.name == name:
-                return dict(record.metadata)
-            if isinstance(record, Message):
-                break
+        with self._damage():
+            for record in self._records():
+                if isinstance(record, Metadata) and record.name == name:
+                    return dict(record.metadata)
+                if isinstance(record, Message):
+                    break
         return None
 
     def messages(self) -> Iterator[BagMessage]:
@@ -87,8 +89,14 @@ class McapFile:
         RecordingError
             The file is damaged.
         """
-        try:
+        with self._damage():
             yield from self._in_time_order() if self.whole else self._in_file_order()
+
+    @contextmanager
+    def _damage(self) -> Iterator[None]:
+        """Turn what a damaged file raises into a `RecordingError`."""
+        try:
+            yield
         except _DAMAGE as error:
             what = str(error) or type(error).__name__
             raise RecordingError(f"{self.path}: damaged: {what}") from error

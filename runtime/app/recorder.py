@@ -65,7 +65,7 @@ class Recorder:
         self._queue: deque[tuple[str, bytes, int]] = deque()
         # Each counter is written by one thread only, so that no lock is needed.
         self._bytes_in = self._bytes_out = 0
-        self._dropped = 0
+        self._dropped = self._lost = 0
         self._failure: str | None = None
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
@@ -99,7 +99,7 @@ class Recorder:
     @property
     def dropped(self) -> int:
         """How many messages are missing from the recording."""
-        return self._dropped
+        return self._dropped + self._lost
 
     @property
     def failure(self) -> str | None:
@@ -139,9 +139,10 @@ class Recorder:
 
     def _work(self) -> None:
         """Write what waits, again and again, until closed."""
-        while not self._closing.wait(self._settings.flush_s):
+        closing = False
+        while not closing and self._failure is None:
+            closing = self._closing.wait(self._settings.flush_s)
             self._drain()
-        self._drain()
 
     def _drain(self) -> None:
         try:
@@ -152,7 +153,9 @@ class Recorder:
             self._bag.flush()
         except (RecordingError, OSError) as error:
             self._failure = str(error)
+            self._lost += 1 + len(self._queue)
             self._queue.clear()
+            self._bag.abort()
 
     def _write(self, topic: str, payload: bytes, time_ns: int) -> None:
         try:
