@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from twinscrew.hil_sim.bodies import ABSENT, Bodies
 from twinscrew.hil_sim.buoys import floating
-from twinscrew.hil_sim.lidar import ABSENT, Bodies
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import Sea
 from twinscrew.hil_sim.shapes import Shape, boxes_shape, load_shape
@@ -34,13 +34,17 @@ def bodies(
     shape = np.concatenate([vessels, np.full(B, BUOY), np.full(Q, QUAYS)]).astype(np.int32)
     afloat = floating(scenario.buoys[:, :2], sea, time_s)
     upright = np.broadcast_to(np.eye(3), (B + Q, 3, 3))
+    R_NB, still = rotations(state.q_NB), np.zeros((B + Q, 3))
+    velocity_N = np.einsum("vij,vj->vi", R_NB, state.velocity_B)
     return Bodies(
         shape=shape,
         position_N=np.concatenate([state.position_N, afloat, np.zeros((Q, 3))]),
-        R_NB=np.concatenate([rotations(state.q_NB), upright]),
+        R_NB=np.concatenate([R_NB, upright]),
         water_z=np.concatenate(
             [-sea.elevation(state.position_N[:, :2], time_s), afloat[:, 2], np.zeros(Q)]
         ),
+        velocity_N=np.concatenate([velocity_N, still]),
+        rates_B=np.concatenate([state.rates_B, still]),
     )
 
 

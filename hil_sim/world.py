@@ -13,8 +13,9 @@ from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
 
 from twinscrew.hil_sim import contacts, odometry, scene
+from twinscrew.hil_sim.bodies import Bodies
 from twinscrew.hil_sim.contacts import Obstacles
-from twinscrew.hil_sim.lidar import Bodies, Lidar, LidarSettings, Scan
+from twinscrew.hil_sim.lidar import Lidar, LidarSettings, Scan
 from twinscrew.hil_sim.mooring import moor
 from twinscrew.hil_sim.odometry import OdometrySettings
 from twinscrew.hil_sim.scenario import Scenario
@@ -155,11 +156,11 @@ class World:
         return odometry.measure(self.state, vessel, self.stamp_ns, self.settings.odometry, rng)
 
     def cloud(self, vessel: int) -> PointCloud:
-        """Give a vessel's LiDAR scan now."""
+        """Give a vessel's LiDAR scan that ends now."""
         return self.scan(vessel).cloud
 
     def scan(self, vessel: int) -> Scan:
-        """Give a vessel's LiDAR scan now, with the truth: rows are vessels, buoys, then quays."""
+        """Give a vessel's scan that ends now, and the truth: rows are vessels, buoys, quays."""
         return self._lidar.scan(self.bodies(), vessel, self.stamp_ns, self._lidar_rng[vessel])
 
     def bodies(self) -> Bodies:

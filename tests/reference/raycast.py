@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from twinscrew.hil_sim.lidar import ABSENT, Bodies
+from twinscrew.hil_sim.bodies import ABSENT, Bodies
 from twinscrew.hil_sim.shapes import BOX, Shape
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.perception.sensor import Sensor

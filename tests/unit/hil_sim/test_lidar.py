@@ -4,7 +4,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from twinscrew.hil_sim.lidar import NOTHING, WATER, Bodies, Lidar, LidarSettings, Scan
+from twinscrew.hil_sim.bodies import Bodies
+from twinscrew.hil_sim.lidar import NOTHING, WATER, Lidar, LidarSettings, Scan
 from twinscrew.hil_sim.shapes import boxes_shape, load_shape
 from twinscrew.runtime.perception.sensor import Sensor, load_sensor
 
