@@ -7,8 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import msgspec
-
 from twinscrew.hil_sim.drivers.lockstep import LockstepCrew
 from twinscrew.hil_sim.drivers.realtime import RealtimeCrew
 from twinscrew.hil_sim.drivers.voyage import Voyage, VoyageResult
@@ -20,8 +18,8 @@ from twinscrew.runtime.app.config import RecordingSettings, RuntimeConfig
 from twinscrew.runtime.app.latency import LatencySummary
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.replay import combined_sha256
-from twinscrew.runtime.app.session import SUMMARY_FILE, RunSummary
-from twinscrew.runtime.errors import ConfigError, RecordingError
+from twinscrew.runtime.app.session import read_summary
+from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.settings import Settings
@@ -168,11 +166,7 @@ def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: str)
 
 
 def _read_run(folder: Path) -> _Run:
-    path = folder / SUMMARY_FILE
-    try:
-        summary = msgspec.json.decode(path.read_bytes(), type=RunSummary)
-    except (OSError, msgspec.DecodeError) as error:
-        raise RecordingError(f"{path}: the runtime left no summary ({error})") from error
+    summary = read_summary(folder)
     latency = LatencySummary(summary.decisions, **summary.latency_ms)
     return _Run(summary.decisions, summary.decisions_sha256, latency)
 

@@ -61,7 +61,9 @@ def _basin(azimuths: Float64) -> Float64:
 
 def _wall(azimuths: Float64, rng: np.random.Generator) -> Float64:
     near, far = WALL_M
-    waves = sum(np.sin(k * azimuths + rng.uniform(0, 2 * np.pi)) / k for k in (2, 3, 5, 8))
+    waves = np.zeros_like(azimuths)
+    for k in (2, 3, 5, 8):
+        waves += np.sin(k * azimuths + rng.uniform(0, 2 * np.pi)) / k
     unit = (waves - waves.min()) / np.ptp(waves)
     wall: Float64 = near + (far - near) * unit
     return wall

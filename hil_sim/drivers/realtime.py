@@ -138,6 +138,11 @@ class RealtimeCrew:
                     f"the runtime of {config.name} ended with status {process.returncode}: {words}"
                 )
 
+    @property
+    def pids(self) -> tuple[int, ...]:
+        """The runtimes' process ids."""
+        return tuple(process.pid for process in self._processes)
+
     def close(self) -> None:
         """Stop every process, and wait for it."""
         for process in self._processes:

@@ -118,6 +118,14 @@ class Voyage:
             results=supervisor.results(), log=self._log, duration_s=self._world.time_s
         )
 
+    def linger(self, duration_s: float) -> None:
+        """Lie at the dock, sensors on and with goals: what benchmarks measure the runtimes in."""
+        self._wait_at_the_dock()
+        self._give_goals()
+        until_s = self._world.time_s + duration_s
+        while self._world.time_s < until_s:
+            self._tick()
+
     def _wait_at_the_dock(self) -> None:
         for i in self._vessels:
             self._world.moor(i, self._world.scenario.starts[i, :2])
@@ -132,13 +140,16 @@ class Voyage:
             self._tick()
 
     def _cast_off(self) -> Supervisor:
-        scenario = self._world.scenario
         for i in self._vessels:
             self._world.release(i)
-            goal = Goal(stamp_ns=self._world.stamp_ns, position_N=scenario.goals[i])
-            self._deliver(i, "goal", cdr.encode_goal(goal))
+        self._give_goals()
         self._supervisor = Supervisor(self._world, self._supervisor_settings)
         return self._supervisor
+
+    def _give_goals(self) -> None:
+        for i in self._vessels:
+            goal = Goal(stamp_ns=self._world.stamp_ns, position_N=self._world.scenario.goals[i])
+            self._deliver(i, "goal", cdr.encode_goal(goal))
 
     def _tick(self) -> None:
         """Let one odometry period pass."""

@@ -18,6 +18,10 @@ class LatencySummary:
     p999: float
     max: float
 
+    def as_dict(self) -> dict[str, float]:
+        """Give the percentiles alone, for JSON."""
+        return {"p50": self.p50, "p99": self.p99, "p999": self.p999, "max": self.max}
+
 
 class Latencies:
     """Counts latencies in bins a tenth of a per cent wide; the greatest is kept exactly."""

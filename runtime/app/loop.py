@@ -39,6 +39,9 @@ class Loop:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.latencies = Latencies()
+        """From a scan's arrival to its command on the socket."""
+        self.wire_latencies = Latencies()
+        """From the sender's put to the command on the socket; true between synchronised clocks."""
         self.overruns = 0
         self._controller = controller
         self._inbox = inbox
@@ -66,7 +69,7 @@ class Loop:
         handled = self._controller.take_in(message.topic, message.payload, self._clock())
         if handled.decision is not None:
             self._send(self._controller.command(self._clock()))
-            self._note_latency(message.received_ns)
+            self._note_latency(message)
             self._outlet.decided(handled.decision, self._controller.thrust)
         self._outlet.happened(handled.events)
 
@@ -88,9 +91,11 @@ class Loop:
             behind = int((now_s - self._next_tick_s) / self._period_s) + 1
             self._next_tick_s += behind * self._period_s
 
-    def _note_latency(self, received_ns: int) -> None:
-        latency_ms = (time.monotonic_ns() - received_ns) / NANOSECONDS_PER_MS
+    def _note_latency(self, message: Received) -> None:
+        latency_ms = (time.monotonic_ns() - message.received_ns) / NANOSECONDS_PER_MS
         self.latencies.add(latency_ms)
+        if message.sent_ns:
+            self.wire_latencies.add((time.time_ns() - message.sent_ns) / NANOSECONDS_PER_MS)
         if latency_ms > OVERRUN_MS:
             self.overruns += 1
             self._outlet.happened((OVERRUN.at(self._controller.stamp_ns, f"{latency_ms:.0f} ms"),))

@@ -54,6 +54,8 @@ class Outlet:
         payload = cdr.encode_decision(decision)
         self._hash.add(payload)
         self.decisions += 1
+        if self._bus is None and self._recorder is None:
+            return
         self._tell("decision", payload)
         self._tell("objects", cdr.encode_object_markers(decision.objects))
         self._tell("tracks", cdr.encode_track_markers(decision.tracks))

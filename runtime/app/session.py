@@ -16,7 +16,7 @@ from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.errors import ConfigError, RecordingError
 from twinscrew.runtime.link.transport import open_transport
 from twinscrew.runtime.policy.base import Policy
 
@@ -32,11 +32,28 @@ class RunSummary(msgspec.Struct, frozen=True, kw_only=True):
     decisions_sha256: str
     latency_ms: dict[str, float]
     """From a scan's arrival to the MAVLink bytes on the socket."""
+    wire_latency_ms: dict[str, float]
+    """From the sender's Zenoh put to the MAVLink bytes on the socket."""
     overruns: int
     passed_over: dict[str, int]
     """Messages that newer ones replaced before they were read."""
     unrecorded: int
     """Messages that the recorder had to drop."""
+
+
+def read_summary(folder: Path) -> RunSummary:
+    """Read what a runtime said of itself when it stopped.
+
+    Raises
+    ------
+    RecordingError
+        There is none: it did not stop by itself.
+    """
+    path = folder / SUMMARY_FILE
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=RunSummary)
+    except (OSError, msgspec.DecodeError) as error:
+        raise RecordingError(f"{path}: the runtime left no summary ({error})") from error
 
 
 def metadata_of(config: RuntimeConfig, policy: Policy) -> dict[str, Any]:
@@ -74,17 +91,12 @@ class Session:
 
     def write_summary(self) -> RunSummary:
         """Write what happened beside the recording, and give it."""
-        latency = self.loop.latencies.summary()
         summary = RunSummary(
             name=self._config.name,
             decisions=self._outlet.decisions,
             decisions_sha256=self._outlet.sha256,
-            latency_ms={
-                "p50": latency.p50,
-                "p99": latency.p99,
-                "p999": latency.p999,
-                "max": latency.max,
-            },
+            latency_ms=self.loop.latencies.summary().as_dict(),
+            wire_latency_ms=self.loop.wire_latencies.summary().as_dict(),
             overruns=self.loop.overruns,
             passed_over=dict(self._inbox.passed_over),
             unrecorded=self._recorder.dropped if self._recorder else 0,

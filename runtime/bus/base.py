@@ -17,6 +17,8 @@ class Received(NamedTuple):
     payload: bytes
     received_ns: int
     """[ns] Monotonic clock, not the message's stamp; 0 where there is no clock (lock-step)."""
+    sent_ns: int = 0
+    """[ns] The sender's wall clock; 0 if it did not say."""
 
 
 Receiver: TypeAlias = Callable[[Received], None]

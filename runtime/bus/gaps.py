@@ -24,6 +24,14 @@ def attachment(sequence: int, source_ns: int, gid: bytes) -> bytes:
     return ATTACHMENT.pack(sequence, source_ns, GID_SIZE, gid)
 
 
+def source_time_ns(attached: bytes) -> int:
+    """Give the sender's wall clock [ns] of an attachment; 0 if it is of another kind."""
+    if len(attached) != ATTACHMENT.size:
+        return 0
+    _, source_ns, _, _ = ATTACHMENT.unpack(attached)
+    return int(source_ns)
+
+
 class SequenceGaps:
     """Follows every publisher of every topic."""
 

@@ -11,7 +11,7 @@ from typing import Final, cast
 import zenoh
 
 from twinscrew.runtime.bus.base import Received, Receiver, find_topic
-from twinscrew.runtime.bus.gaps import SequenceGaps, attachment
+from twinscrew.runtime.bus.gaps import SequenceGaps, attachment, source_time_ns
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings, in_short, zenoh_config
 from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.messages.topics import Traffic, key
@@ -103,12 +103,15 @@ class ZenohBus:
             now_ns = time.monotonic_ns()
             if sample.kind != zenoh.SampleKind.PUT:
                 return
+            sent_ns = 0
             if sample.attachment is not None:
-                line.gaps.see(topic, sample.attachment.to_bytes())
+                attached = sample.attachment.to_bytes()
+                line.gaps.see(topic, attached)
+                sent_ns = source_time_ns(attached)
             if len(sample.payload) > limit:
                 line.refused += 1
                 return
-            receive(Received(topic, sample.payload.to_bytes(), now_ns))
+            receive(Received(topic, sample.payload.to_bytes(), now_ns, sent_ns))
 
         # Called in Zenoh's own thread: a thread of Python's between them would be a queue without a
         # bound, and would keep a program alive that forgot to close its bus.
