@@ -30,11 +30,11 @@ Six operator*(const Matrix6& A, Six b) {
   return {{out[0], out[1], out[2]}, {out[3], out[4], out[5]}};
 }
 
-/// R_NB, by its columns' counterparts: the axes of N seen in B are its rows.
+/// R_NB as its rows: the axes of N, expressed in B.
 struct Rotation {
   Vec3 north, east, down;  // rows
 
-  explicit Rotation(Quaternion q)  // Fossen (2021), eq. 2.72
+  explicit Rotation(Quaternion q)  // Fossen (2021), chapter 2
       : north{1 - 2 * (q.y * q.y + q.z * q.z), 2 * (q.x * q.y - q.z * q.w),
               2 * (q.x * q.z + q.y * q.w)},
         east{2 * (q.x * q.y + q.z * q.w), 1 - 2 * (q.x * q.x + q.z * q.z),
@@ -48,14 +48,14 @@ struct Rotation {
 
 Six wrench(Vec3 force, Vec3 position) { return {force, cross(position, force)}; }
 
-/// C(nu) nu by Kirchhoff's equations. Fossen (2021), theorem 3.2.
+/// C(nu) nu by Kirchhoff's equations. Fossen (2021), chapter 3.
 Six coriolis(const Matrix6& M, Six nu) {
   const Six momentum = M * nu;
   return {cross(nu.angular, momentum.linear),
           cross(nu.linear, momentum.linear) + cross(nu.angular, momentum.angular)};
 }
 
-/// D(nu) nu, diagonal. Fossen (2021), eq. 6.109.
+/// D(nu) nu, diagonal. Fossen (2021), chapter 6.
 Six damping(const Model& model, Six nu) {
   auto v = flat(nu);
   for (std::size_t i = 0; i < 6; ++i)
@@ -90,7 +90,7 @@ Six lift(const Model& model, Vec3 position, const Rotation& R, const Sea& sea) {
   return total;
 }
 
-/// Fossen (2021), sec. 10.1, in VRX's form; `wind` is the air's velocity relative to the vessel.
+/// Fossen (2021), chapter 10, in VRX's form; `wind` is the air's velocity relative to the vessel.
 Six air(const Model& model, const Rotation& R, Vec3 wind_N) {
   if (model.wind_world_frame) {
     const double u = wind_N.y, v = wind_N.x;  // east, north
@@ -107,7 +107,7 @@ Six push(const Model& model, const std::array<double, 2>& thrust) {
          wrench({thrust[1], 0, 0}, model.propeller[1]);
 }
 
-/// q turned by a rotation vector in B [rad]. Fossen (2021), sec. 2.2.4.
+/// q turned by a rotation vector in B [rad]. Fossen (2021), chapter 2.
 Quaternion turn(Quaternion q, Vec3 angle) {
   const double size = std::sqrt(dot(angle, angle));
   const double c = std::cos(0.5 * size);

@@ -68,7 +68,7 @@ class Waves:
 def spectrum(frequency: Array, peak: float) -> Array:
     """Give the Pierson-Moskowitz spectral density [m2 s] at frequencies [rad/s].
 
-    Source: Fossen (2021), sec. 10.2.3, written with the peak frequency [rad/s].
+    Source: Fossen (2021), chapter 10, written with the peak frequency [rad/s].
     """
     density: Array = (
         SPECTRUM_ALPHA

@@ -1,6 +1,6 @@
 """Mass and inertia: the sum of the parts, about base_link.
 
-Source: Fossen (2021), chapter 3 (rigid body) and sec. 6.3.1 (added mass).
+Source: Fossen (2021), chapter 3.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ class RigidBody:
     """[kg m2] [B] (3, 3) About base_link."""
 
     def mass_matrix(self) -> Array:
-        """Give M_RB about base_link, (6, 6). Fossen (2021), eq. 3.49."""
+        """Give M_RB about base_link, (6, 6)."""
         S = self.mass * skew(self.centre_B)
         return np.block([[self.mass * np.eye(3), -S], [S, self.inertia_B]])
 
 
 def skew(a: Array) -> Array:
-    """Give S(a), (3, 3), with S(a) b = a x b. Fossen (2021), def. 2.2."""
+    """Give S(a), (3, 3), with S(a) b = a x b."""
     x, y, z = a
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
@@ -46,6 +46,6 @@ def join(parts: Iterable[Part]) -> RigidBody:
         S = skew(part.position_B)
         mass += part.mass_kg
         moment += part.mass_kg * part.position_B
-        # Parallel-axis theorem: I_b = I_g - m S(r) S(r). Fossen (2021), eq. 3.36.
+        # Parallel-axis theorem: I_b = I_g - m S(r) S(r).
         inertia += np.diag(part.inertia_kgm2) - part.mass_kg * S @ S
     return RigidBody(mass=mass, centre_B=moment / mass, inertia_B=inertia)

@@ -39,7 +39,7 @@ class VesselState:
 
 
 def rotation(q_NB: Array) -> Array:
-    """Give R_NB, (V, 3, 3), of unit quaternions, (V, 4). Fossen (2021), eq. 2.72."""
+    """Give R_NB, (V, 3, 3), of unit quaternions, (V, 4). Fossen (2021), chapter 2."""
     w, x, y, z = q_NB.T
     R_NB = np.empty((q_NB.shape[0], 3, 3))
     R_NB[:, 0, 0], R_NB[:, 1, 1] = 1 - 2 * (y * y + z * z), 1 - 2 * (x * x + z * z)

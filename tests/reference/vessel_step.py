@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 def rotation(q: Array) -> Array:
-    """Give R_NB, (V, 3, 3), of unit quaternions, (V, 4). Fossen (2021), eq. 2.72."""
+    """Give R_NB, (V, 3, 3), of unit quaternions, (V, 4). Fossen (2021), chapter 2."""
     w, x, y, z = q.T
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -37,7 +37,7 @@ def wrench(force: Array, position: Array) -> Array:
 
 
 def coriolis(M: Array, nu: Array) -> Array:
-    """Give C(nu) nu, (V, 6), by Kirchhoff's equations. Fossen (2021), theorem 3.2."""
+    """Give C(nu) nu, (V, 6), by Kirchhoff's equations. Fossen (2021), chapter 3."""
     v, w = nu[:, :3], nu[:, 3:]
     momentum = nu @ M.T
     p, L = momentum[:, :3], momentum[:, 3:]
@@ -45,7 +45,7 @@ def coriolis(M: Array, nu: Array) -> Array:
 
 
 def damping(parameters: VesselParameters, nu_r: Array) -> Array:
-    """Give D(nu_r) nu_r, (V, 6). Fossen (2021), eq. 6.109, diagonal."""
+    """Give D(nu_r) nu_r, (V, 6). Fossen (2021), chapter 6; diagonal."""
     linear, quadratic = np.array(parameters.linear_drag), np.array(parameters.quadratic_drag)
     return (linear + quadratic * np.abs(nu_r)) * nu_r
 
@@ -71,7 +71,7 @@ def lift(parameters: VesselParameters, position_N: Array, R: Array, sea: Sea, t:
 def air(parameters: VesselParameters, R: Array, wind_N: Array, world_frame: bool) -> Array:
     """Give the force of the air, (V, 6), that moves by wind_N, (V, 3), relative to the vessel.
 
-    Fossen (2021), sec. 10.1, in the form of VRX; `world_frame` is VRX's own use of it, in which
+    Fossen (2021), chapter 10, in the form of VRX; `world_frame` is VRX's own use of it, in which
     the coefficients go with east and north instead of along and across the vessel.
     """
     w = parameters.windage
@@ -120,7 +120,7 @@ def acceleration(
 
 
 def turn(q: Array, angle: Array) -> Array:
-    """Turn attitudes, (V, 4), by rotation vectors in B, (V, 3) [rad]. Fossen (2021), sec. 2.2.4."""
+    """Turn attitudes, (V, 4), by rotation vectors in B, (V, 3) [rad]. Fossen (2021), chapter 2."""
     half = 0.5 * np.linalg.norm(angle, axis=-1, keepdims=True)
     dw, d = np.cos(half), 0.5 * np.sinc(half / np.pi) * angle
     w, v = q[:, :1], q[:, 1:]
