@@ -28,8 +28,9 @@ struct CircleRules {
 class Circles {
  public:
   Circles(const CircleRules& rules, std::size_t cells) : rules_(rules) {
-    for (auto* numbers : {&order_, &circle_of_}) numbers->reserve(cells);
+    for (auto* numbers : {&order_, &object_, &circle_of_}) numbers->reserve(cells);
     circles_.reserve(cells);
+    outer_.reserve(cells);
   }
 
   void operator()(const RangeImage& image, PatchMap& map) {
@@ -61,10 +62,10 @@ class Circles {
 
   // Centroid and principal axis of some patches.
   struct Shape {
-    double x, y;                 // centroid of the echoes
-    double axis_x, axis_y;       // unit vector along the longest extent
-    double from, to;             // the extent along it
-    double radius;               // an upper bound
+    double x, y;            // centroid of the echoes
+    double axis_x, axis_y;  // unit vector along the longest extent
+    double from, to;        // the extent along it
+    double radius2;         // an upper bound of the squared radius
   };
 
   static std::size_t index(std::int32_t i) { return static_cast<std::size_t>(i); }
@@ -112,16 +113,31 @@ class Circles {
     Shape s{x / count, y / count, std::cos(angle), std::sin(angle), 1e300, -1e300, 0.0};
     for (auto it = begin; it != end; ++it) {
       const Patch& p = patches[index(*it)];
-      for (const double px : {p.x_min, p.x_max}) {
-        for (const double py : {p.y_min, p.y_max}) {
-          const double along = px * s.axis_x + py * s.axis_y;
-          s.from = std::min(s.from, along);
-          s.to = std::max(s.to, along);
-          s.radius = std::max(s.radius, std::hypot(px - s.x, py - s.y));
-        }
-      }
+      const double half = 0.5 * (std::abs(s.axis_x) * (p.x_max - p.x_min) +
+                                 std::abs(s.axis_y) * (p.y_max - p.y_min));
+      const double middle = 0.5 * (s.axis_x * (double{p.x_min} + p.x_max) +
+                                   s.axis_y * (double{p.y_min} + p.y_max));
+      s.from = std::min(s.from, middle - half);
+      s.to = std::max(s.to, middle + half);
+      s.radius2 = std::max(s.radius2, farthest2(p, s.x, s.y));
     }
     return s;
+  }
+
+  // The squared distance of the farthest corner of a patch's bounds: no echo is farther.
+  static double farthest2(const Patch& p, double x, double y) {
+    const double dx = std::max(std::abs(p.x_min - x), std::abs(p.x_max - x));
+    const double dy = std::max(std::abs(p.y_min - y), std::abs(p.y_max - y));
+    return dx * dx + dy * dy;
+  }
+
+  // A squared distance that some echo reaches: each side of the bounds has an echo on it.
+  static double reached2(const Patch& p, double x, double y) {
+    const double dx = std::max(std::abs(p.x_min - x), std::abs(p.x_max - x));
+    const double dy = std::max(std::abs(p.y_min - y), std::abs(p.y_max - y));
+    const double beside_x = std::max({0.0, p.x_min - x, x - p.x_max});
+    const double beside_y = std::max({0.0, p.y_min - y, y - p.y_max});
+    return std::max(dx * dx + beside_y * beside_y, dy * dy + beside_x * beside_x);
   }
 
   // Makes one circle, or halves the patches across their longest extent until each half fits.
@@ -145,15 +161,29 @@ class Circles {
 
   bool holds_keel(const Shape& s) const {
     if (!rules_.has_hull) return false;
-    const double nearest = std::clamp(s.x, double{rules_.hull_aft}, double{rules_.hull_fore});
-    return std::hypot(s.x - nearest, s.y) < s.radius;
+    const double dx = s.x - std::clamp(s.x, double{rules_.hull_aft}, double{rules_.hull_fore});
+    return dx * dx + s.y * s.y < s.radius2;
   }
 
+  // Finds the exact radii; only echoes of patches that could hold the farthest are looked at.
   void measure(const RangeImage& image, const PatchMap& map) {
+    const std::vector<Patch>& patches = map.patches();
+    for (std::size_t i = 0; i < patches.size(); ++i) {
+      if (circle_of_[i] == NONE) continue;
+      Circle& circle = circles_[index(circle_of_[i])];
+      circle.radius = std::max(circle.radius, reached2(patches[i], circle.x, circle.y));
+    }
+    outer_.assign(patches.size(), 0);
+    for (std::size_t i = 0; i < patches.size(); ++i) {
+      if (circle_of_[i] == NONE) continue;
+      const Circle& circle = circles_[index(circle_of_[i])];
+      outer_[i] = farthest2(patches[i], circle.x, circle.y) >= circle.radius;
+    }
+    for (Circle& circle : circles_) circle.radius = 0.0;
     image.each([&](std::size_t cell) {
-      const std::int32_t number = circle_of(map, cell);
-      if (number == NONE) return;
-      Circle& circle = circles_[index(number)];
+      const std::size_t patch = map.patch_of(cell);
+      if (!outer_[patch]) return;
+      Circle& circle = circles_[index(circle_of_[patch])];
       const double dx = image.echo(cell).x - circle.x, dy = image.echo(cell).y - circle.y;
       circle.radius = std::max(circle.radius, dx * dx + dy * dy);
     });
@@ -164,6 +194,7 @@ class Circles {
   std::vector<std::int32_t> order_;      // patches, those of one object together
   std::vector<std::int32_t> object_;     // of each patch
   std::vector<std::int32_t> circle_of_;  // of each patch
+  std::vector<std::uint8_t> outer_;      // of each patch: could it hold its circle's farthest echo?
   std::vector<Circle> circles_;
 };
 

@@ -18,12 +18,10 @@ class Kernel {
              float merge_gap, const CircleRules& rules)
       : scanner_(scanner),
         image_(scanner.rows(), scanner.columns()),
-        projection_(scanner_, gates),
+        projection_(scanner_, gates, Plane::of(reach, merge_gap)),
         segmentation_(scanner_, criterion),
-        patches_(reach, merge_gap, image_.size()),
-        circles_(rules, image_.size()) {
-    patches_.reserve(image_.size());
-  }
+        patches_(Plane::of(reach, merge_gap), merge_gap, image_.size()),
+        circles_(rules, image_.size()) {}
   Kernel(const Kernel&) = delete;  // the stages refer to the scanner beside them
   Kernel& operator=(const Kernel&) = delete;
 

@@ -8,6 +8,8 @@
 #include <limits>
 #include <span>
 
+#include "lanes.hpp"
+#include "plane.hpp"
 #include "range_image.hpp"
 #include "scanner.hpp"
 
@@ -20,11 +22,24 @@ using Vector = std::array<float, 3>;
 struct Transform {
   Matrix R;
   Vector t;
-  Vector operator()(float x, float y, float z) const {
-    return {R[0] * x + R[1] * y + R[2] * z + t[0], R[3] * x + R[4] * y + R[5] * z + t[1],
-            R[6] * x + R[7] * y + R[8] * z + t[2]};
+  // One coordinate of a point, or of four points at once.
+  template <class Number>
+  Number along(std::size_t axis, const Number& x, const Number& y, const Number& z) const {
+    return R[3 * axis] * x + R[3 * axis + 1] * y + R[3 * axis + 2] * z + t[axis];
   }
 };
+
+// First X, then the rotation R.
+inline Transform product(const Matrix& R, const Transform& X) {
+  Transform result{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      result.t[i] += R[3 * i + k] * X.t[k];
+      for (std::size_t j = 0; j < 3; ++j) result.R[3 * i + j] += R[3 * i + k] * X.R[3 * k + j];
+    }
+  }
+  return result;
+}
 
 // Which echoes are of use. Lengths in metres, in the vessel's frame B (forward, starboard, down).
 struct Gates {
@@ -67,15 +82,26 @@ inline Vector turned(const Vector& p, const Vector& theta) {
           p[2] + once[2] + 0.5F * twice[2]};
 }
 
+// A point of the vessel's frame, seen `seconds` after the stamp, as seen from the vessel at the stamp.
+inline Vector moved(const Vector& p_B, float seconds, const Motion& motion) {
+  Vector theta{}, p{};
+  for (std::size_t i = 0; i < 3; ++i) theta[i] = motion.rates[i] * seconds;
+  p = turned(p_B, theta);
+  for (std::size_t i = 0; i < 3; ++i) p[i] += motion.velocity[i] * seconds;
+  return p;
+}
+
 // Fills range images from clouds. Points are taken in blocks that stay in the first-level cache:
-// gate and gather, then angles (a loop without branches), then put into the image.
+// gate and gather, then angles four at a time, then put into the image.
 class Projection {
  public:
-  Projection(const Scanner& scanner, const Gates& gates) : scanner_(scanner), gates_(gates) {}
+  Projection(const Scanner& scanner, const Gates& gates, const Plane& plane)
+      : scanner_(scanner), gates_(gates), plane_(plane) {}
 
-  // X_BS places the sensor on the vessel, X_LB levels B; motion may be null.
+  // X_BS places the sensor on the vessel, R_LB levels B; motion may be null.
   Counts operator()(const Cloud& cloud, const Transform& X_BS, const Matrix& R_LB,
                     const Motion* motion, RangeImage& image) {
+    const Transform X_LS = product(R_LB, X_BS);
     image.clear();
     counts_ = {};
     const std::size_t size = cloud.points_S.size() / 3;
@@ -83,8 +109,10 @@ class Projection {
     for (std::size_t begin = 0; begin < size; begin += BLOCK) {
       const std::size_t end = std::min(begin + BLOCK, size);
       const std::size_t gathered = gather(cloud.points_S, begin, end);
-      find_angles(gathered);
-      for (std::size_t i = 0; i < gathered; ++i) put(i, cloud, X_BS, R_LB, motion, image);
+      find(gathered, X_BS, X_LS);
+      if (motion != nullptr) deskew(gathered, cloud, X_BS, R_LB, *motion);
+      find_squares(gathered);
+      for (std::size_t i = 0; i < gathered; ++i) put(i, cloud, image);
     }
     return counts_;
   }
@@ -115,71 +143,89 @@ class Projection {
     return n;
   }
 
-  void find_angles(std::size_t n) {
-    for (std::size_t i = 0; i < n; ++i) {
-      range_[i] = std::sqrt(range_[i]);
-      tangent_[i] = -z_[i] / std::sqrt(x_[i] * x_[i] + y_[i] * y_[i]);
-      column_[i] = scanner_.column_of(x_[i], y_[i]);
+  // Range, direction and place of the gathered points, four at a time. The arguments and `bins`
+  // are copies, which no store into a lane can change.
+  void find(std::size_t n, const Transform X_BS, const Transform X_LS) {
+    const Bins bins = scanner_.bins();
+    const Float4 hull_middle = all(0.5F * (gates_.hull_fore + gates_.hull_aft));
+    const Float4 hull_length = all(0.5F * (gates_.hull_fore - gates_.hull_aft));
+    const Float4 hull_width = all(gates_.mask_hull ? gates_.hull_half_width : -1.0F);
+    for (std::size_t i = 0; i < n; i += LANES) {
+      const Float4 x = load(&x_[i]), y = load(&y_[i]), z = load(&z_[i]);
+      store(&range_[i], square_root(load(&range_[i])));
+      const Float4 tangent = -z / square_root(x * x + y * y);
+      const Int4 bin = bins.elevation(tangent), column = bins.column(x, y);
+      // The hull moves with the sensor: its mask needs no levelling and no deskewing.
+      const Int4 hull = (absolute(X_BS.along(0, x, y, z) - hull_middle) <= hull_length) &
+                        (absolute(X_BS.along(1, x, y, z)) <= hull_width);
+      store(&tangent_[i], tangent);
+      store(&bin_[i], bin);
+      store(&column_[i], column);
+      store(&out_[i], ((bin | column) < 0) | (hull & 2));  // -1: no beam, 2: hull, 0: neither
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        store(&p_L_[axis][i], X_LS.along(axis, x, y, z));
+      }
     }
   }
 
-  void put(std::size_t i, const Cloud& cloud, const Transform& X_BS, const Matrix& R_LB,
-           const Motion* motion, RangeImage& image) {
-    const int row = scanner_.row(tangent_[i]);
-    const int column = scanner_.column(column_[i]);
-    if (row < 0 || column < 0) {
-      ++counts_.no_beam;
+  void find_squares(std::size_t n) {
+    const Plane plane = plane_;
+    for (std::size_t i = 0; i < n; i += LANES) {
+      store(&square_[i], plane.square(load(&p_L_[0][i]), load(&p_L_[1][i])));
+    }
+  }
+
+  void put(std::size_t i, const Cloud& cloud, RangeImage& image) {
+    if (out_[i] != 0) {
+      ++(out_[i] < 0 ? counts_.no_beam : counts_.hull);
       return;
     }
-    const auto point = static_cast<std::size_t>(point_[i]);
-    Vector p_B = X_BS(x_[i], y_[i], z_[i]);
-    if (gates_.mask_hull && on_hull(p_B)) {  // the hull moves with the sensor: before deskewing
-      ++counts_.hull;
-      return;
-    }
-    if (motion != nullptr) p_B = deskewed(p_B, time(cloud, point, column, *motion), *motion);
-    const Vector p_L = Transform{R_LB, {}}(p_B[0], p_B[1], p_B[2]);
-    if (gates_.drop_water && is_water(p_L[2], cloud, point)) {
+    if (gates_.drop_water && is_water(i, cloud)) {
       ++counts_.water;
       return;
     }
-    const bool fresh = image.put(row, column, range_[i], {p_L[0], p_L[1], point_[i]});
+    const int row = scanner_.row(bin_[i], tangent_[i]);
+    const Echo echo{p_L_[0][i], p_L_[1][i], square_[i], point_[i]};
+    const bool fresh = image.put(row, column_[i], range_[i], echo);
     ++(fresh ? counts_.used : counts_.hidden);
   }
 
-  bool on_hull(const Vector& p_B) const {
-    return p_B[0] >= gates_.hull_aft && p_B[0] <= gates_.hull_fore &&
-           std::fabs(p_B[1]) <= gates_.hull_half_width;
-  }
-
-  bool is_water(float down, const Cloud& cloud, std::size_t point) const {
-    const float height = gates_.surface_down - down;
+  bool is_water(std::size_t i, const Cloud& cloud) const {
+    const float height = gates_.surface_down - p_L_[2][i];
     if (height < gates_.clearance) return true;
     return height < gates_.weak_clearance && !cloud.intensity.empty() &&
-           cloud.intensity[point] <= gates_.weak;
+           cloud.intensity[static_cast<std::size_t>(point_[i])] <= gates_.weak;
   }
 
-  static float time(const Cloud& cloud, std::size_t point, int column, const Motion& motion) {
-    if (cloud.time.empty()) {
-      return motion.first_time + motion.time_per_column * static_cast<float>(column);
+  // Puts the gathered points where they were, seen from the vessel at the stamp.
+  void deskew(std::size_t n, const Cloud& cloud, const Transform& X_BS, const Matrix& R_LB,
+              const Motion& motion) {
+    const Transform X_LB{R_LB, {}};
+    for (std::size_t i = 0; i < n; ++i) {
+      Vector p{};
+      for (std::size_t axis = 0; axis < 3; ++axis) p[axis] = X_BS.along(axis, x_[i], y_[i], z_[i]);
+      p = moved(p, time(i, cloud, motion), motion);
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        p_L_[axis][i] = X_LB.along(axis, p[0], p[1], p[2]);
+      }
     }
-    const float told = cloud.time[point];
-    return std::fabs(told) < 10.0F ? told : 0.0F;  // a scan lasts less; NaN fails the test
   }
 
-  // Where a point seen at `seconds` after the stamp was, seen from the vessel at the stamp.
-  static Vector deskewed(const Vector& p_B, float seconds, const Motion& motion) {
-    const Vector& w = motion.rates;
-    const Vector p = turned(p_B, {w[0] * seconds, w[1] * seconds, w[2] * seconds});
-    const Vector& v = motion.velocity;
-    return {p[0] + v[0] * seconds, p[1] + v[1] * seconds, p[2] + v[2] * seconds};
+  float time(std::size_t i, const Cloud& cloud, const Motion& motion) const {
+    if (cloud.time.empty()) {
+      return motion.first_time + motion.time_per_column * static_cast<float>(column_[i]);
+    }
+    const float told = cloud.time[static_cast<std::size_t>(point_[i])];
+    return std::fabs(told) < 10.0F ? told : 0.0F;  // a scan lasts less; NaN fails the test
   }
 
   const Scanner& scanner_;
   Gates gates_;
+  Plane plane_;
   Counts counts_;
-  Lane x_, y_, z_, range_, tangent_, column_;
-  std::array<std::int32_t, BLOCK> point_;
+  Lane x_{}, y_{}, z_{}, range_{}, tangent_{};
+  std::array<Lane, 3> p_L_{};  // [m] the vessel's frame, levelled
+  std::array<std::int32_t, BLOCK> point_{}, bin_{}, column_{}, out_{}, square_{};
 };
 
 }  // namespace twinscrew

@@ -10,27 +10,35 @@
 #include <stdexcept>
 #include <vector>
 
+#include "lanes.hpp"
+
 namespace twinscrew {
 
-// The azimuth of (x, y), within 2e-6 rad, without branches. A minimax polynomial of atan on [0, 1]
-// and three reflections; (0, 0) gives 0.
-inline float fast_atan2(float y, float x) {
-  const float ax = std::fabs(x), ay = std::fabs(y);
-  const float small = ax < ay ? ax : ay;
-  const float large = ax < ay ? ay : ax;
-  const float z = small / (large > 0.0F ? large : 1.0F);
-  const float s = z * z;
-  float angle = -0.0117191266F;
-  angle = angle * s + 0.0526473273F;
-  angle = angle * s - 0.116426459F;
-  angle = angle * s + 0.193540367F;
-  angle = angle * s - 0.332622826F;
-  angle = (angle * s + 0.999977219F) * z;
-  constexpr float pi = std::numbers::pi_v<float>;
-  angle = ax < ay ? 0.5F * pi - angle : angle;
-  angle = x < 0.0F ? pi - angle : angle;
-  return std::copysign(angle, y);
-}
+// Directions to columns and to bins of elevation, four at a time; -1 where no beam is fired.
+struct Bins {
+  float first_azimuth, per_step, turn, columns;  // [rad], [1/rad], [columns], [columns]
+  float lowest, highest, per_tangent, last;      // [-] tangents, [bins], [bins]
+
+  Int4 column(Float4 x, Float4 y) const {
+    // A column's own azimuth is at its whole number; the image begins half a column before 0.
+    Float4 real = (fast_atan2(y, x) - first_azimuth) * per_step + 0.5F;
+    real = select(real < 0.0F, real + turn, real);
+    real = select(real >= turn, real - turn, real);
+    return whole(real, (real >= 0.0F) & (real < columns));
+  }
+
+  Int4 elevation(Float4 tangent) const {
+    const Float4 real = (tangent - lowest) * per_tangent;
+    const Float4 within = select(real < last, real, all(last));
+    return whole(within, (tangent >= lowest) & (tangent < highest));
+  }
+
+ private:
+  // Numbers that are not inside, NaN too, are made harmless before the conversion.
+  static Int4 whole(Float4 real, Int4 inside) {
+    return __builtin_convertvector(select(inside, real, all(0.0F)), Int4) | ~inside;
+  }
+};
 
 // The image: row 0 is the lowest beam, column 0 the first azimuth, clockwise. All of it is derived
 // from the sensor's description, nothing is rounded to a nominal resolution.
@@ -48,12 +56,12 @@ class Scanner {
       throw std::invalid_argument("Scanner: needs two beams, two columns and a positive step");
     }
     const double turn = 2.0 * std::numbers::pi;
-    first_azimuth_ = static_cast<float>(std::remainder(first_azimuth, turn));
-    per_step_ = static_cast<float>(1.0 / azimuth_step);
-    turn_ = static_cast<float>(turn / azimuth_step);
-    last_ = static_cast<float>(columns) - 0.5F;
     make_edges();
     make_table();
+    bins_.first_azimuth = static_cast<float>(std::remainder(first_azimuth, turn));
+    bins_.per_step = static_cast<float>(1.0 / azimuth_step);
+    bins_.turn = static_cast<float>(turn / azimuth_step);
+    bins_.columns = static_cast<float>(columns);
   }
 
   int rows() const { return rows_; }
@@ -62,28 +70,12 @@ class Scanner {
   double azimuth_step() const { return azimuth_step_; }
   const std::vector<double>& elevations() const { return elevations_; }
 
-  // The column as a real number: a column's own azimuth is at its whole number; in [-0.5, turn).
-  float column_of(float x, float y) const {
-    float column = (fast_atan2(y, x) - first_azimuth_) * per_step_;
-    column += column < -0.5F ? turn_ : 0.0F;
-    column -= column >= turn_ - 0.5F ? turn_ : 0.0F;
-    return column;
-  }
+  const Bins& bins() const { return bins_; }
 
-  // The whole column, or -1 where no beam is fired.
-  int column(float real) const {
-    if (!(real < last_)) return -1;
-    const int whole = static_cast<int>(real + 0.5F);
-    return whole < columns_ ? whole : -1;
-  }
-
-  // The beam of a direction, given as the tangent of its elevation, or -1 if it fits none.
-  int row(float tangent) const {
-    if (!(tangent >= edges_.front() && tangent < edges_.back())) return -1;
-    const auto bin = static_cast<std::size_t>((tangent - edges_.front()) * bins_per_unit_);
-    int row = table_[std::min(bin, table_.size() - 1)];
-    while (tangent >= edges_[static_cast<std::size_t>(row) + 1]) ++row;  // at most two steps
-    return row;
+  // The beam of a direction, from its bin (not -1) and the tangent of its elevation.
+  int row(std::int32_t bin, float tangent) const {
+    const int row = table_[static_cast<std::size_t>(bin)];
+    return row + static_cast<int>(tangent >= edges_[static_cast<std::size_t>(row) + 1]);
   }
 
  private:
@@ -105,31 +97,35 @@ class Scanner {
     }
   }
 
-  // For each bin of tangents the row in which the bin before it begins: rounding cannot pass it.
+  // For each bin of tangents the row in which the bin before it begins, so that rounding cannot
+  // pass it. Two bins to the narrowest row: a direction is in that row or in the next.
   void make_table() {
-    float narrowest = std::numeric_limits<float>::max();
+    const float lowest = edges_.front(), highest = edges_.back();
+    float narrowest = highest - lowest;
     for (std::size_t i = 0; i + 1 < edges_.size(); ++i) {
       narrowest = std::min(narrowest, edges_[i + 1] - edges_[i]);
     }
-    const float span = edges_.back() - edges_.front();
-    const double bins = std::clamp(std::ceil(double{span} / narrowest), 1.0, 65536.0);
-    bins_per_unit_ = static_cast<float>(bins) / span;
+    const double bins = std::ceil(2.0 * double{highest - lowest} / narrowest);
+    if (!(bins < 1e6)) throw std::invalid_argument("Scanner: beams too close to each other");
     table_.resize(static_cast<std::size_t>(bins));
+    const double width = double{highest - lowest} / bins;
     int row = 0;
     for (std::size_t bin = 0; bin < table_.size(); ++bin) {
-      const float begin =
-          edges_.front() + (static_cast<float>(bin) - 1.0F) / bins_per_unit_;
+      const double begin = lowest + (static_cast<double>(bin) - 1.0) * width;
       while (row + 1 < rows_ && edges_[static_cast<std::size_t>(row) + 1] <= begin) ++row;
       table_[bin] = row;
     }
+    bins_.lowest = lowest;
+    bins_.highest = highest;
+    bins_.per_tangent = static_cast<float>(1.0 / width);
+    bins_.last = static_cast<float>(bins) - 1.0F;
   }
 
   int rows_, columns_;
   bool wraps_;
   std::vector<double> elevations_;
   double azimuth_step_;
-  float first_azimuth_ = 0.0F, per_step_ = 0.0F, turn_ = 0.0F, last_ = 0.0F;
-  float bins_per_unit_ = 0.0F;
+  Bins bins_{};
   std::vector<float> edges_;
   std::vector<int> table_;
 };
