@@ -14,6 +14,7 @@ An operator's explicit word (`ask_again`) starts over.
 
 from __future__ import annotations
 
+import math
 from enum import Enum
 
 from twinscrew.runtime.link.modes import HOLD, INITIALISING, MANUAL
@@ -46,8 +47,7 @@ class Authority:
         """True while a pilot has the boat."""
         self.held = False
         """True while the radio failsafe's HOLD is on."""
-        self._changed_s = -FAILSAFE_WINDOW_S
-        self._failsafe_s = -2 * FAILSAFE_WINDOW_S
+        self._changed_s = self._failsafe_s = -math.inf
 
     def ask_again(self) -> None:
         """Start over, on an operator's word: ask for MANUAL and arm as at the start."""
@@ -77,6 +77,8 @@ class Authority:
         self.note_armed(armed)
         if mode == MANUAL:
             self.taken = self.held = False
+            if before != MANUAL:
+                self._failsafe_s = -math.inf  # used up: it excuses one HOLD, not the next
         elif mode != before:
             self._changed_s = now_s
             self.held = mode == HOLD and self._failsafe_is_near()
@@ -94,4 +96,6 @@ class Authority:
             self.held, self.taken = True, False
 
     def _failsafe_is_near(self) -> bool:
+        if not math.isfinite(self._changed_s + self._failsafe_s):
+            return False
         return abs(self._changed_s - self._failsafe_s) < FAILSAFE_WINDOW_S

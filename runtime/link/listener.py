@@ -20,6 +20,8 @@ from twinscrew.runtime.link.wire import Message
 
 _TEXTS = 100
 """[-] The most texts kept until somebody asks: a chatty autopilot must not fill the memory."""
+_TEXT_LENGTH = 500
+"""[-] Nor an endless one."""
 
 
 class Listener:
@@ -38,6 +40,7 @@ class Listener:
         self.arming = Retried(commands.arm(target), every_s=1.0)
         self.texts: list[str] = []
         """What the autopilot told in words and nobody has asked for yet."""
+        self._chunked = 0
         self.replies: list[Message] = []
         """What is to be answered."""
         self.vehicle_type: int | None = None
@@ -106,11 +109,15 @@ class Listener:
             self.manual.answered(message.result)
 
     def _on_text(self, message: Message, now_s: float) -> None:
-        self.texts = [*self.texts, message.text][-_TEXTS:]
-        if message.text.startswith("Radio Failsafe"):
+        text = message.text
+        if message.chunk_seq and message.id == self._chunked and self.texts:
+            text = self.texts.pop() + text  # a long text comes in chunks of 50 bytes
+        self._chunked = message.id
+        self.texts = [*self.texts, text[:_TEXT_LENGTH]][-_TEXTS:]
+        if text.startswith("Radio Failsafe"):
             self.authority.failsafe(now_s)
-        if message.text.startswith(("Arm:", "PreArm:")):
-            self.arming.reason = message.text
+        if text.startswith(("Arm:", "PreArm:")):
+            self.arming.reason = text
 
     def _on_parameter(self, message: Message, _now_s: float) -> None:
         name, value = message.param_id, message.param_value

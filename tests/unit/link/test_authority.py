@@ -133,3 +133,13 @@ def test_an_operators_word_starts_over():
     assert boss.asks_manual
     boss.heard(MANUAL, armed=False, now_s=3.0)
     assert boss.asks_arming
+
+
+def test_a_failsafe_that_was_recovered_from_excuses_no_pilots_hold():
+    boss = in_manual()
+    boss.failsafe(now_s=10.0)
+    boss.heard(HOLD, armed=True, now_s=10.1)
+    boss.heard(MANUAL, armed=True, now_s=10.5)
+    boss.heard(HOLD, armed=True, now_s=11.0)
+    assert boss.taken
+    assert not boss.asks_manual

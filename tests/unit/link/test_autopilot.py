@@ -409,3 +409,16 @@ def test_the_signing_key_may_come_from_a_file(tmp_path):
 def test_settings_that_cannot_be_are_refused(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))):
         convert(wrong, AutopilotSettings)
+
+
+def test_a_long_text_of_the_autopilot_is_told_whole():
+    boat = in_state(arm=True)
+    asked(boat, ARM, seconds=0.5)
+    boat.events()
+    words = "PreArm: " + "a very long reason indeed, " * 4
+    for chunk in range(3):
+        part = words[50 * chunk : 50 * (chunk + 1)].encode()
+        boat.say(mavlink.MAVLink_statustext_message(2, part, 7, chunk))
+    boat.ack(ARM, 4)
+    said, refused = boat.link.events(boat.now_s)
+    assert said.detail == refused.detail == words
