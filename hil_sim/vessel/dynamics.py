@@ -75,13 +75,7 @@ class VesselDynamics:
         ValueError
             A number is not finite, or the arrays do not have one row a vessel.
         """
-        after = VesselState(
-            position_N=np.empty_like(state.position_N),
-            q_NB=np.empty_like(state.q_NB),
-            velocity_B=np.empty_like(state.velocity_B),
-            rates_B=np.empty_like(state.rates_B),
-            thrust=np.empty_like(state.thrust),
-        )
+        after = _blank(state.count)
         self._model.step(
             *_arrays(state), command_N, *_sea_at(sea, time_s), time_s, dt_s, *_arrays(after)
         )
@@ -92,6 +86,17 @@ class VesselDynamics:
         nu_dot = np.empty((state.count, 6))
         self._model.acceleration(*_arrays(state), *_sea_at(sea, time_s), time_s, nu_dot)
         return nu_dot
+
+
+def _blank(count: int) -> VesselState:
+    """Give a state whose arrays wait to be filled, laid out as the native code wants them."""
+    return VesselState(
+        position_N=np.empty((count, 3)),
+        q_NB=np.empty((count, 4)),
+        velocity_B=np.empty((count, 3)),
+        rates_B=np.empty((count, 3)),
+        thrust=np.empty((count, 2)),
+    )
 
 
 def _arrays(state: VesselState) -> tuple[Array, Array, Array, Array, Array]:

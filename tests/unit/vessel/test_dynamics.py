@@ -91,6 +91,24 @@ def test_vessels_of_a_batch_do_not_influence_each_other():
         np.testing.assert_array_equal(together.velocity_B[i], alone.velocity_B[0])
 
 
+def test_arrays_of_any_layout_and_number_type_are_taken():
+    state = resting(3)
+    commands = np.array([[1000, 0], [-500, 300], [0, 0]])
+    turned = dataclasses.replace(
+        state,
+        position_N=np.asfortranarray(state.position_N),
+        velocity_B=state.velocity_B.astype(np.float32),
+    )
+    expected = DYNAMICS.step(state, commands.astype(np.float64), SEA, 0.0, 0.01)
+    got = DYNAMICS.step(turned, commands, SEA, 0.0, 0.01)
+    np.testing.assert_array_equal(got.position_N, expected.position_N)
+    np.testing.assert_array_equal(got.velocity_B, expected.velocity_B)
+
+
+def test_no_vessels_are_a_fleet_too():
+    assert DYNAMICS.step(resting(0), np.zeros((0, 2)), SEA, 0.0, 0.01).count == 0
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_a_command_that_is_not_finite_is_refused(bad):
     with pytest.raises(ValueError, match="command must be finite"):
