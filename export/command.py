@@ -30,16 +30,19 @@ from twinscrew.training.environment import RATE_LIMIT
 from twinscrew.training.train_settings import TrainSettings
 from twinscrew.training.validate import validate
 
-RADIUS_MARGIN = 1.25
-"""[-] A LiDAR sees 0.8 of a hull's radius on average (parameters.md): this undoes it."""
-
 
 def export(
     run_dir: Annotated[Path, typer.Argument(help="A training run's directory (of one seed).")],
     out: Annotated[Path, typer.Option(help="The ONNX file; its card goes beside it.")],
     margin: Annotated[
-        float, typer.Option(min=0.5, max=2.0, help="Factor on observed radii, in the graph.")
-    ] = RADIUS_MARGIN,
+        float | None,
+        typer.Option(
+            min=0.5,
+            max=2.0,
+            help="Factor on observed radii, in the graph.",
+            show_default="the configuration's radius_margin",
+        ),
+    ] = None,
     episodes: Annotated[
         int, typer.Option(min=1, help="For the card, in each of the six settings.")
     ] = 1000,
@@ -49,9 +52,9 @@ def export(
 ) -> None:
     """Turn a training run's actor into a self-contained ONNX file."""
     console = Console(stderr=True)
-    policy, settings, trained = load_run(run_dir, runs.CHECKPOINT if last else runs.BEST)
-    deployed = DeployedPolicy(policy, radius_margin=margin, rate_max_n_per_s=RATE_LIMIT)
-    metadata = describe(settings, margin, f"{run_dir.resolve().name} seed {trained['seed']}")
+    policy, settings, trained = load_run(run_dir, runs.CHECKPOINT if last else runs.BEST, margin)
+    deployed = DeployedPolicy(policy, RATE_LIMIT)
+    metadata = describe(settings, f"{run_dir.resolve().name} seed {trained['seed']}")
     write_atomically(onnx_bytes(deployed, metadata), out)
     parity = check_parity(deployed, out)
     console.print(
@@ -70,7 +73,7 @@ def export(
         print(card.read_text(encoding="utf-8"), end="")
 
 
-def describe(settings: TrainSettings, margin: float, run: str) -> dict[str, str]:
+def describe(settings: TrainSettings, run: str) -> dict[str, str]:
     """Give the metadata of a policy file: strings, as ONNX wants them."""
     environment = settings.environment
     vessel = environment.vessel
@@ -83,7 +86,7 @@ def describe(settings: TrainSettings, margin: float, run: str) -> dict[str, str]
         "thrust_rate_max_n_per_s": str(RATE_LIMIT),
         "observed_objects": str(OBSERVED_OBJECTS),
         "perception_range_m": str(environment.range_m),
-        "radius_margin": str(margin),
+        "radius_margin": str(settings.radius_margin),
         "inputs": json.dumps(INPUTS),
         "training_run": run,
         "commit": _commit(),

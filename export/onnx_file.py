@@ -47,29 +47,15 @@ OUTPUT = "thrust_rate"
 class DeployedPolicy(nn.Module):
     """The graph that sails: raw observations in, thrust rates out."""
 
-    factors: Tensor
-
-    def __init__(self, actor: nn.Module, *, radius_margin: float, rate_max_n_per_s: float) -> None:
-        """Take an actor (observations to actions in [-1, 1]).
-
-        Parameters
-        ----------
-        actor
-            Maps `Observations` to (B, 2).
-        radius_margin
-            Factor on every observed radius: a LiDAR sees a part of a hull, about 0.8 of the radius.
-        rate_max_n_per_s
-            [N/s] Thrust rate of action 1.
-        """
+    def __init__(self, pilot: nn.Module, rate_max_n_per_s: float) -> None:
+        """Take a pilot (observations to actions in [-1, 1]) and the rate [N/s] of action 1."""
         super().__init__()
-        self.actor = actor
+        self.pilot = pilot
         self.rate_max = rate_max_n_per_s
-        factors = torch.tensor([1.0, 1.0, 1.0, 1.0, radius_margin])
-        self.register_buffer("factors", factors, persistent=False)
 
     def forward(self, ego: Tensor, objects: Tensor, mask: Tensor) -> Tensor:
         """Give thrust rates (N, 2) [N/s], left and right."""
-        action: Tensor = self.actor(Observations(ego, objects * self.factors, mask))
+        action: Tensor = self.pilot(Observations(ego, objects, mask))
         return action * self.rate_max
 
 

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from torch import nn
 
 from twinscrew.runtime.errors import ConfigError
@@ -16,9 +17,18 @@ from twinscrew.training.train_settings import TrainSettings
 
 
 def load_run(
-    folder: Path, checkpoint: str = runs.BEST
+    folder: Path, checkpoint: str = runs.BEST, radius_margin: float | None = None
 ) -> tuple[nn.Module, TrainSettings, dict[str, Any]]:
     """Read a run directory.
+
+    Parameters
+    ----------
+    folder
+        Of one seed.
+    checkpoint
+        The best or the last one.
+    radius_margin
+        Other than what the run was told.
 
     Returns
     -------
@@ -46,4 +56,6 @@ def load_run(
         "checkpoint": {**content["where"], "selected_on": json.loads(content["score"])},
         "machine": next((r["machine"] for r in log if r["event"] == "start"), "unknown"),
     }
-    return agent.deployed(), settings, trained
+    if radius_margin is not None:
+        settings = msgspec.structs.replace(settings, radius_margin=radius_margin)
+    return agent.deployed(settings.radius_margin), settings, trained

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from twinscrew.runtime.messages.types import Float32
 from twinscrew.training import perception
 from twinscrew.training.agents.base import Agent
-from twinscrew.training.environment import EnvironmentSettings, VectorEnv
+from twinscrew.training.environment import VectorEnv
 from twinscrew.training.exploration import CorrelatedNoise, epsilon
 from twinscrew.training.nstep import NStep, Step
 from twinscrew.training.observations import unpack
-from twinscrew.training.train_settings import TrainSettings
+from twinscrew.training.train_settings import PhaseSettings, TrainSettings
 
 
 def pack_slots(seen: perception.Observations) -> Float32:
@@ -25,43 +27,47 @@ def pack_slots(seen: perception.Observations) -> Float32:
 
 
 class Collector:
-    """Sails every parallel episode, one decision at a time."""
+    """Sails every parallel episode, calm or rough, one decision at a time."""
 
-    def __init__(
-        self, settings: TrainSettings, environment: EnvironmentSettings, seed: int, step: int
-    ) -> None:
+    def __init__(self, settings: TrainSettings, told: PhaseSettings, seed: int, step: int) -> None:
         """Begin at an environment step; the streams depend on it.
 
         A resumed run does not see the same episodes again.
         """
         streams = np.random.SeedSequence([seed, step]).generate_state(2)
+        rough = round(settings.parallel_episodes * settings.rough_share)
+        calm = settings.parallel_episodes - rough
+        kinds = ((told.calm, calm, 0), (told.rough, rough, calm))
         self.settings = settings
-        self.environment = VectorEnv(environment, settings.parallel_episodes, int(streams[0]))
+        self._environments = [
+            VectorEnv(environment, count, int(streams[0]), first_slot=first)
+            for environment, count, first in kinds
+            if count
+        ]
         self._generator = np.random.default_rng(int(streams[1]))
-        first = self.environment.reset()
-        self._shape = first.mask.shape[:2]
-        self._rows = pack_slots(first)
-        slots = len(self._rows)
-        self._noise = CorrelatedNoise(settings.exploration, slots, self._generator)
-        self._join = NStep(settings.n_steps, settings.discount, slots)
+        self._rows = _rows(environment.reset() for environment in self._environments)
+        self._noise = CorrelatedNoise(settings.exploration, len(self._rows), self._generator)
+        self._join = NStep(settings.n_steps, settings.discount, len(self._rows))
 
     def step(self, agent: Agent[Any], step: int, *, random: bool) -> Float32:
         """Make one decision for every vessel; give the transitions now complete, (K, 78)."""
         action = self._choose(agent, step, random=random)
-        result = self.environment.step(action.reshape(*self._shape, 2))
-        slots = len(self._rows)
+        shapes = [(env.episodes, env.vessels, 2) for env in self._environments]
+        ends = np.cumsum([episodes * vessels for episodes, vessels, _ in shapes])[:-1]
+        parts = zip(self._environments, np.split(action, ends), shapes, strict=True)
+        results = [env.step(part.reshape(shape)) for env, part, shape in parts]
         transitions = self._join.push(
             Step(
                 observation=self._rows,
                 action=action,
-                reward=result.reward.reshape(slots),
-                terminated=result.terminated.reshape(slots),
-                truncated=result.truncated.reshape(slots),
-                active=result.active.reshape(slots),
-                next_observation=pack_slots(result.final_observation),
+                reward=_slots(result.reward for result in results),
+                terminated=_slots(result.terminated for result in results),
+                truncated=_slots(result.truncated for result in results),
+                active=_slots(result.active for result in results),
+                next_observation=_rows(result.final_observation for result in results),
             )
         )
-        self._rows = pack_slots(result.observation)
+        self._rows = _rows(result.observation for result in results)
         return transitions
 
     def _choose(self, agent: Agent[Any], step: int, *, random: bool) -> Float32:
@@ -75,3 +81,13 @@ class Collector:
         if dice.any():
             action[dice] = agent.random(int(dice.sum())).numpy()
         return action
+
+
+def _rows(seen: Iterable[perception.Observations]) -> Float32:
+    """Lay out what all vessels of all episodes see as rows, (M, 37)."""
+    return np.concatenate([pack_slots(one) for one in seen])
+
+
+def _slots(values: Iterable[NDArray[Any]]) -> NDArray[Any]:
+    """Join values of all vessels of all episodes, (M,)."""
+    return np.concatenate([one.reshape(-1) for one in values])

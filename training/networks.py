@@ -132,12 +132,22 @@ def make_quantile_critic(settings: NetworkSettings) -> PaperQuantileCritic | Qua
 class Pilot(nn.Module):
     """A deterministic policy from raw observations: what is evaluated, deployed and exported."""
 
-    def __init__(self, see: See, actor: nn.Module) -> None:
+    factors: Tensor
+
+    def __init__(self, see: See, actor: nn.Module, radius_margin: float = 1.0) -> None:
+        """Put a network behind its features.
+
+        `radius_margin` multiplies every observed radius: perception sees a part of a hull, about
+        0.8 of its radius on average.
+        """
         super().__init__()
         self.see = see
         self.actor = actor
+        factors = torch.tensor([1.0, 1.0, 1.0, 1.0, radius_margin])
+        self.register_buffer("factors", factors, persistent=False)
 
     def forward(self, observations: Observations) -> Tensor:
         """Give actions (B, 2) in [-1, 1]."""
-        action: Tensor = self.actor(self.see(observations))
+        wary = observations._replace(objects=observations.objects * self.factors)
+        action: Tensor = self.actor(self.see(wary))
         return action

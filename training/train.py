@@ -55,11 +55,11 @@ class Training:
 
     def _run_phase(self, phase: Phase, logs: Logs, progress: Progress) -> None:
         s = self.settings
-        agent, environment = phase_settings(s, phase)
-        self.agent.retune(agent)
+        told = phase_settings(s, phase)
+        self.agent.retune(told.agent)
         if not phase.keep_replay:
             self.replay.clear()
-        collector = Collector(s, environment, self.seed, self.step)
+        collector = Collector(s, told, self.seed, self.step)
         started = time.monotonic() - self.seconds
         while self.phase_step < phase.steps:
             self._gather(collector)
@@ -93,8 +93,9 @@ class Training:
 
     def _evaluate(self, logs: Logs, progress: Progress) -> None:
         s = self.settings
-        policy = NetworkPolicy(self.agent.deployed(), s.environment.period_s)
-        score = validate(policy, s.evaluation_episodes, s.validation_seed)
+        policy = NetworkPolicy(self.agent.deployed(s.radius_margin), s.environment.period_s)
+        rough = phase_settings(s, s.phases[self.phase]).rough if s.rough_share > 0.0 else None
+        score = validate(policy, s.evaluation_episodes, s.validation_seed, rough)
         logs.write("evaluation", **self._where(), **score.record())
         progress.report(self.step, score)
         if self.best is None or score.value > self.best:

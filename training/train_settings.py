@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import msgspec
 from msgspec import Meta
@@ -37,6 +37,12 @@ class TrainSettings(Settings, frozen=True, kw_only=True):
     """The learner; `algorithm` names it."""
     environment: EnvironmentSettings = EnvironmentSettings()
     """Where it learns."""
+    rough: dict[str, Any] = msgspec.field(default_factory=dict)
+    """What differs from `environment` in rough episodes: what the sea and a real tracker do."""
+    rough_share: Fraction = 0.0
+    """[-] Share of the parallel episodes that are rough; if any, rough ones are validated too."""
+    radius_margin: Positive = 1.25
+    """[-] Factor on observed radii in the deployed policy; they average 0.8 of the true ones."""
     exploration: ExplorationSettings = ExplorationSettings()
     """How it tries out."""
     phases: Annotated[list[Phase], Meta(min_length=1)]
@@ -82,17 +88,23 @@ def load_training(file: Path) -> TrainSettings:
     return settings
 
 
-def phase_settings(
-    settings: TrainSettings, phase: Phase
-) -> tuple[AnyAgentSettings, EnvironmentSettings]:
-    """Give the agent's and the environment's settings in a phase."""
+class PhaseSettings(NamedTuple):
+    """What holds in a phase."""
+
+    agent: AnyAgentSettings
+    calm: EnvironmentSettings
+    rough: EnvironmentSettings
+
+
+def phase_settings(settings: TrainSettings, phase: Phase) -> PhaseSettings:
+    """Give the agent's and the environments' settings in a phase."""
     if "network" in phase.agent:
         raise ConfigError("the networks stay the same over all phases", key="agent.network")
-    agent = merged(settings.agent, phase.agent)
-    environment = merged(settings.environment, phase.environment)
-    return (
-        convert(agent, type(settings.agent)),
-        convert(environment, EnvironmentSettings),
+    calm = merged(settings.environment, phase.environment)
+    return PhaseSettings(
+        convert(merged(settings.agent, phase.agent), type(settings.agent)),
+        convert(calm, EnvironmentSettings),
+        convert(_overlay(calm, settings.rough), EnvironmentSettings),
     )
 
 

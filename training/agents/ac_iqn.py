@@ -124,9 +124,9 @@ class AcIqn(Agent[AcIqnSettings]):
         value: Tensor = quantiles.float().mean()
         return value
 
-    def deployed(self) -> nn.Module:
+    def deployed(self, radius_margin: float) -> nn.Module:
         """Give the averaged actor."""
-        return Pilot(self.see, self.average_actor)
+        return Pilot(self.see, self.average_actor, radius_margin)
 
     def _fractions(self, batch: int, upper: float = 1.0) -> Tensor:
         count = self.settings.fractions

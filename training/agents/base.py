@@ -67,7 +67,7 @@ class Agent(ABC, Generic[S]):
         """Learn from a batch; `progress`, in [0, 1], through the phase sets the learning rates."""
 
     @abstractmethod
-    def deployed(self) -> nn.Module:
+    def deployed(self, radius_margin: float) -> nn.Module:
         """Give the policy that is evaluated and exported: observations to actions (B, 2)."""
 
     def retune(self, settings: S) -> None:
