@@ -25,11 +25,16 @@ def read_stamp(reader: Reader) -> int:
     return int(seconds) * NANOSECONDS_PER_SECOND + int(nanoseconds)
 
 
-def write_stamp(writer: Writer, stamp_ns: int) -> None:
-    """Write a Time; a `MessageError` if it is before 1901 or after 2038."""
+def split_stamp(stamp_ns: int) -> tuple[int, int]:
+    """Give a Time's seconds and nanoseconds; a `MessageError` before 1901 or after 2038."""
     if abs(stamp_ns) > MAX_STAMP_NS:
         raise MessageError(f"{stamp_ns} ns is not a stamp that ROS 2 can write")
-    writer.values("iI", 4, *divmod(stamp_ns, NANOSECONDS_PER_SECOND))
+    return divmod(stamp_ns, NANOSECONDS_PER_SECOND)
+
+
+def write_stamp(writer: Writer, stamp_ns: int) -> None:
+    """Write a Time; a `MessageError` before 1901 or after 2038."""
+    writer.values("iI", 4, *split_stamp(stamp_ns))
 
 
 def read_header(reader: Reader) -> tuple[int, str]:
