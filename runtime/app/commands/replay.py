@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.table import Table
+
+if TYPE_CHECKING:
+    from twinscrew.runtime.app.replay import Replay
 
 DIFFERENT = 1
 
@@ -44,7 +47,7 @@ def replay(
         raise typer.Exit(DIFFERENT)
 
 
-def _as_dict(replays: list, sha256: str, same: bool) -> dict[str, object]:  # type: ignore[type-arg]
+def _as_dict(replays: list[Replay], sha256: str, same: bool) -> dict[str, object]:
     return {
         "decisions_sha256": sha256,
         "same": same,
@@ -62,7 +65,7 @@ def _as_dict(replays: list, sha256: str, same: bool) -> dict[str, object]:  # ty
     }
 
 
-def _print(replays: list, sha256: str) -> None:  # type: ignore[type-arg]
+def _print(replays: list[Replay], sha256: str) -> None:
     table = Table("vessel", "decisions", "recorded", "SHA-256", "the same")
     for r in replays:
         verdict = "yes" if r.same else ("none recorded" if r.recorded_decisions == 0 else "NO")
