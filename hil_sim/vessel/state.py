@@ -38,18 +38,6 @@ class VesselState:
         return heading
 
 
-def rotation(q_NB: Array) -> Array:
-    """Give R_NB, (V, 3, 3), of unit quaternions, (V, 4). Fossen (2021), chapter 2."""
-    w, x, y, z = q_NB.T
-    R_NB = np.empty((q_NB.shape[0], 3, 3))
-    R_NB[:, 0, 0], R_NB[:, 1, 1] = 1 - 2 * (y * y + z * z), 1 - 2 * (x * x + z * z)
-    R_NB[:, 2, 2] = 1 - 2 * (x * x + y * y)
-    R_NB[:, 0, 1], R_NB[:, 1, 0] = 2 * (x * y - z * w), 2 * (x * y + z * w)
-    R_NB[:, 0, 2], R_NB[:, 2, 0] = 2 * (x * z + y * w), 2 * (x * z - y * w)
-    R_NB[:, 1, 2], R_NB[:, 2, 1] = 2 * (y * z - x * w), 2 * (y * z + x * w)
-    return R_NB
-
-
 def level_quaternion(heading: Array, pitch: float = 0.0) -> Array:
     """Give attitudes, (V, 4), of headings, (V,) [rad], and one pitch [rad], without roll."""
     heading = np.asarray(heading, dtype=np.float64)
