@@ -11,7 +11,8 @@ from msgspec import field
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.hil_sim.autopilot.commands import execute
-from twinscrew.hil_sim.autopilot.mixer import in_uint16
+from twinscrew.hil_sim.autopilot.mixer import Calibration, in_uint16
+from twinscrew.hil_sim.autopilot.radio import CHANNELS, IGNORE, RELEASE
 from twinscrew.hil_sim.autopilot.rover import Rover, RoverSettings
 from twinscrew.hil_sim.autopilot.streams import Streams
 from twinscrew.hil_sim.autopilot.telemetry import TELLERS, Moment, Origin
@@ -128,17 +129,20 @@ class RoverAutopilot:
         self.rover.override(_channels(message), message.get_srcSystem(), self._now_s)
 
     def _on_manual_control(self, message: Message) -> None:
-        values = [65535] * 16
-        for channel, stick in ((1, message.y), (3, message.z)):
-            if stick != _NOT_A_STICK:
+        values = [IGNORE] * CHANNELS
+        for name, stick in (("RCMAP_ROLL", message.y), ("RCMAP_THROTTLE", message.z)):
+            channel = int(self.rover.parameters[name])
+            if 1 <= channel <= CHANNELS:
                 values[channel - 1] = self._pulse(channel, stick)
         self.rover.override(values, message.get_srcSystem(), self._now_s)
 
     def _pulse(self, channel: int, stick: int) -> int:
-        low = self.rover.parameters[f"RC{channel}_MIN"]
-        high = self.rover.parameters[f"RC{channel}_MAX"]
-        within = max(-STICK_SPAN, min(STICK_SPAN, stick))
-        return in_uint16(low + (high - low) * (within + STICK_SPAN) / (2 * STICK_SPAN))
+        if stick == _NOT_A_STICK:
+            return RELEASE  # read in its sources: an axis that is not there gives its channel back
+        calibration = Calibration.of("RC", channel, self.rover.parameters)
+        within = max(-STICK_SPAN, min(STICK_SPAN, stick)) / STICK_SPAN
+        low, high = calibration.low, calibration.high
+        return in_uint16(low + (high - low) * (within + 1.0) / 2.0)
 
     def _on_command_long(self, message: Message) -> None:
         params = [getattr(message, f"param{n}") for n in range(1, 8)]

@@ -166,6 +166,7 @@ class AutopilotLink:
             message_age_s=self._now_s - listener.message_s,
             heartbeat_age_s=self._now_s - listener.heartbeat_s,
             bad_frames=self.wire.bad_frames,
+            old_frames=self.wire.old_frames,
             parameters_wrong=listener.parameters.wrong,
         )
 
@@ -173,6 +174,8 @@ class AutopilotLink:
         listener, authority = self._listener, self._listener.authority
         messages = [request for stream in self._streams for request in stream.ask(now_s)]
         messages += listener.parameters.ask(self.settings.system_id, now_s)
+        if self.settings.state_hz > 0:
+            messages += listener.odometry.clock.ask(now_s)
         if listener.is_boat and authority.asks_manual:
             messages += listener.manual.ask(now_s)
         streaming = now_s - self._first_command_s >= commands.STREAM_BEFORE_ARMING_S

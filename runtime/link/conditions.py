@@ -20,7 +20,7 @@ def conditions(
 ) -> Holding:
     """Give every condition that an operator should know."""
     if not status.connected:
-        return {events.AUTOPILOT_SILENT: _silence(status.message_age_s)}
+        return {events.AUTOPILOT_SILENT: _silence(status)}
     if not status.is_boat:
         return {events.WRONG_VEHICLE: f"MAV_TYPE {status.vehicle_type}, must be 11 (FRAME_CLASS 2)"}
     holding: Holding = {}
@@ -64,5 +64,11 @@ class Conditions:
         return kind not in self._held
 
 
-def _silence(age_s: float) -> str:
-    return f"last message {age_s:.1f} s ago" if math.isfinite(age_s) else "nothing heard yet"
+def _silence(status: AutopilotStatus) -> str:
+    if math.isfinite(status.message_age_s):
+        return f"last message {status.message_age_s:.1f} s ago"
+    if status.old_frames:
+        return "it speaks MAVLink 1: set SERIALx_PROTOCOL to 2"
+    if status.bad_frames:
+        return f"{status.bad_frames} frames refused: damaged, or signed with another key"
+    return "nothing heard yet"

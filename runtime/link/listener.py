@@ -56,6 +56,7 @@ class Listener:
             "PARAM_VALUE": self._on_parameter,
             "LOCAL_POSITION_NED": self.odometry.position,
             "ATTITUDE": self.odometry.attitude,
+            "TIMESYNC": self.odometry.clock.answered,
         }
 
     def take(self, message: Message, now_s: float) -> bool:

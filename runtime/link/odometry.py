@@ -1,9 +1,6 @@
 """Odometry from the autopilot: LOCAL_POSITION_NED and ATTITUDE, joined.
 
-Both carry the autopilot's time since boot. It is brought to the caller's time by the smallest
-difference ever seen between a message's arrival and its own time: the fastest message had the
-least delay. (The clocks of two boards drift apart by some parts per million; `FORGET` lets the
-difference grow that slowly, so that it follows.)
+Both carry the autopilot's time since boot, which `BootClock` brings to the caller's time.
 """
 
 from __future__ import annotations
@@ -13,15 +10,12 @@ import math
 import numpy as np
 
 from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_from_quaternion
+from twinscrew.runtime.link.boot_clock import BootClock
 from twinscrew.runtime.link.wire import Message
 from twinscrew.runtime.messages.types import Odometry
 
 PAIR_WITHIN_MS = 60
 """[ms] Position and attitude this near in time are of one moment: one period at 20 Hz."""
-FORGET = 1e-4
-"""[s/s] How fast the smallest delay may grow: more than any two crystals drift (100 ppm)."""
-_REBOOT_MS = 1000
-"""[ms] A time this far back means that the autopilot started again."""
 _ATTITUDE = ("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed")
 _POSITION = ("x", "y", "z", "vx", "vy", "vz")
 
@@ -33,9 +27,7 @@ class OdometryFromAutopilot:
         self.newest: Odometry | None = None
         self._attitude: Message | None = None
         self._position: Message | None = None
-        self._offset_s = math.inf
-        self._offset_at_s = -math.inf
-        self._boot_ms = 0
+        self.clock = BootClock()
 
     def attitude(self, message: Message, now_s: float) -> None:
         """Take ATTITUDE; one that is not finite is dropped."""
@@ -50,7 +42,7 @@ class OdometryFromAutopilot:
             self._join(message.time_boot_ms, now_s)
 
     def _join(self, boot_ms: int, now_s: float) -> None:
-        self._align(boot_ms, now_s)
+        self.clock.heard(boot_ms * 1e-3, now_s)
         attitude, position = self._attitude, self._position
         if attitude is None or position is None:
             return
@@ -59,18 +51,10 @@ class OdometryFromAutopilot:
         q_NB = quaternion_from_euler(attitude.roll, attitude.pitch, attitude.yaw)
         velocity_N = np.array([position.vx, position.vy, position.vz])
         self.newest = Odometry(
-            stamp_ns=round((position.time_boot_ms * 1e-3 + self._offset_s) * 1e9),
+            stamp_ns=round(self.clock.caller_s(position.time_boot_ms * 1e-3) * 1e9),
             position_N=np.array([position.x, position.y, position.z]),
             q_NB=q_NB,
             velocity_B=rotation_from_quaternion(q_NB).T @ velocity_N,
             rates_B=np.array([attitude.rollspeed, attitude.pitchspeed, attitude.yawspeed]),
         )
         self._attitude = self._position = None
-
-    def _align(self, boot_ms: int, now_s: float) -> None:
-        if boot_ms < self._boot_ms - _REBOOT_MS:
-            self._offset_s = math.inf
-        self._boot_ms = boot_ms
-        grown = self._offset_s + FORGET * max(0.0, now_s - self._offset_at_s)
-        self._offset_s = min(now_s - boot_ms * 1e-3, grown)
-        self._offset_at_s = now_s

@@ -32,6 +32,8 @@ class AutopilotStatus:
     """[s] Since the last heartbeat."""
     bad_frames: int
     """[-] Frames refused so far: damaged, or not signed as they should be."""
+    old_frames: int
+    """[-] Frames of MAVLink 1 that came; ArduPilot sends them until it hears MAVLink 2."""
     parameters_wrong: tuple[str, ...]
     """Words about each parameter that is not what it must be."""
 

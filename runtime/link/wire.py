@@ -18,6 +18,7 @@ Message: TypeAlias = Any
 """A message of the dialect: `mavlink.MAVLink_*_message` (pymavlink carries no stub files)."""
 
 _START = bytes([mavlink.PROTOCOL_MARKER_V2])
+_OLD_START = bytes([mavlink.PROTOCOL_MARKER_V1])
 _CRC_LENGTH = 2
 
 
@@ -35,6 +36,8 @@ class Wire:
     def __init__(self, system_id: int, component_id: int, signing: Signing | None = None) -> None:
         self.bad_frames = 0
         """[-] Frames refused so far: damaged, or not signed as they should be."""
+        self.old_frames = 0
+        """[-] How often what came began as a MAVLink 1 frame, which is not read."""
         self._signing = signing
         self._codec = (
             mavlink.MAVLink(None, system_id, component_id)
@@ -60,6 +63,7 @@ class Wire:
         """Give the messages that `data` completes; damaged and unknown ones are left out."""
         if self._signing is not None:
             self._signing.advance(self._codec)
+        self.old_frames += data[:1] == _OLD_START
         buffer = self._buffer
         buffer += data
         messages: list[Message] = []

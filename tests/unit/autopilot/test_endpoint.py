@@ -142,6 +142,17 @@ def test_manual_control_is_two_paddles_too():
     assert talk.autopilot.rover.propellers == (1750, 1250)
 
 
+def test_an_axis_that_is_not_there_gives_its_channel_back():
+    talk = Talk(receiver=True)
+    talk.autopilot.rover.radio.sticks[2] = 1555
+    talk.sticks(1700, 1700)
+    talk.hear()
+    talk.say(mavlink.MAVLink_manual_control_message(SYSTEM, 0, 500, 32767, 0, 0))
+    talk.hear()
+    values = talk.autopilot.rover.radio.values
+    assert (values[0], values[2]) == (1750, 1555)
+
+
 @pytest.mark.parametrize("message", ["override", "manual_control"])
 def test_another_systems_sticks_are_silently_ignored(message):
     talk = Talk(system=255)

@@ -7,6 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.link.authority import AskManual
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.link.signing import Signing
 from twinscrew.runtime.link.wire import Wire
 from twinscrew.runtime.settings import convert
 
@@ -422,3 +423,17 @@ def test_a_long_text_of_the_autopilot_is_told_whole():
     boat.ack(ARM, 4)
     said, refused = boat.link.events(boat.now_s)
     assert said.detail == refused.detail == words
+
+
+def test_silence_at_the_start_says_what_was_heard_instead():
+    boat = puppet()
+    assert boat.link.events(0.0)[0].detail == "nothing heard yet"
+    boat = puppet()
+    beat = mavlink.MAVLink_heartbeat_message(BOAT, ARDUPILOT, 1, 0, 4, 3)
+    boat.link.receive(beat.pack(boat.wire._codec, force_mavlink1=True), 0.0)
+    assert "SERIALx_PROTOCOL" in boat.link.events(0.0)[0].detail
+    signed = AutopilotLink(
+        AutopilotSettings(check_parameters=False), signing=Signing(bytes(range(32)))
+    )
+    Puppet(signed).beat()
+    assert "key" in signed.events(0.0)[0].detail
