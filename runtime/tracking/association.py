@@ -66,7 +66,7 @@ def innovations(
     """Give squared Mahalanobis distances and log |S| of every pair, both (K, M)."""
     H = measured.H
     PHt = np.einsum("kab,mcb->kmac", P, H)
-    S = np.einsum("mab,kmbc->kmac", H, PHt) + measured.R
+    S = np.einsum("mab,kmbc->kmac", H, PHt) + measured.R + measured.gate[:, None, None] * np.eye(2)
     y = measured.z_N - np.einsum("mab,kb->kma", H, x)
     det = S[..., 0, 0] * S[..., 1, 1] - S[..., 0, 1] * S[..., 1, 0]
     distance2 = (

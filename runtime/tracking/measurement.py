@@ -19,22 +19,30 @@ from twinscrew.runtime.settings import NonNegative, Positive, Settings
 
 
 class MeasurementSettings(Settings, frozen=True):
-    """How the visible centroid relates to the centre. Shares are of the reported radius."""
+    """How the visible centroid relates to the centre; figures: docs/tracking.md."""
 
-    depth: NonNegative = 0.3
-    """[-] Expected distance of the centre behind the visible centroid."""
-    bias_along: NonNegative = 0.25
-    """[-] Standard deviation of that distance, over aspects."""
-    bias_across: NonNegative = 0.25
-    """[-] Standard deviation of the centroid's offset across the line of sight, over aspects."""
-    bias_time_s: Positive = 3.0
+    depth_m: NonNegative = 0.35
+    """[m] Expected distance of the centre behind the visible centroid."""
+    bias_along: NonNegative = 0.08
+    """[-] Standard deviation of that distance over aspects, as a share of the radius."""
+    bias_across: NonNegative = 0.07
+    """[-] Standard deviation of the centroid's offset across the line of sight, likewise."""
+    bias_time_s: Positive = 2.0
     """[s] Time constant with which both wander."""
-    sigma_m: Positive = 0.03
+    sigma_m: Positive = 0.01
     """[m] White noise of a centroid with many points: sensor and waves."""
-    sigma_per_range: NonNegative = 0.002
-    """[-] White noise that grows with the range: beams grow apart."""
-    scatter: NonNegative = 0.5
-    """[-] White noise of a single-point centroid; falls with the root of the number of points."""
+    scatter: NonNegative = 0.3
+    """[-] White noise of a single-point centroid, as a share of the radius; falls with the root of
+    the number of points."""
+    jump: NonNegative = 0.3
+    """[-] By how much a centroid may jump between scans, as a share of the radius, and still be the
+    same object's: a mast or a bow comes into sight or goes out of it."""
+    jump_sigma: Positive = 2.0
+    """[-] Innovations beyond this Mahalanobis distance are jumps: no vessel moves so suddenly."""
+    edge_m: Positive = 17.5
+    """[m] A centroid farther than this may be that of a part: the rest is out of range."""
+    edge_sigma: NonNegative = 0.15
+    """[-] White noise there, as a share of the radius."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +57,8 @@ class Measurements:
     """[m2] [N] (K, 2, 2) White measurement noise."""
     radius: Float64
     """[m] (K,)"""
+    gate: Float64
+    """[m2] (K,) Variance that the gate allows for jumps."""
 
 
 def measure(objects: Objects, odometry: Odometry, settings: MeasurementSettings) -> Measurements:
@@ -70,14 +80,16 @@ def measure(objects: Objects, odometry: Odometry, settings: MeasurementSettings)
     p_BN = p_B @ R_NB.T
     distance = np.hypot(p_BN[:, 0], p_BN[:, 1])
     along = p_BN / np.maximum(distance, 1e-9)[:, None]
-    z_N = odometry.position_N[:2] + p_BN + along * (settings.depth * radius)[:, None]
+    z_N = odometry.position_N[:2] + p_BN + along * settings.depth_m
     variance = (
         settings.sigma_m**2
-        + (settings.sigma_per_range * distance) ** 2
         + (settings.scatter * radius) ** 2 / np.maximum(points, 1)
+        + (settings.edge_sigma * radius * (distance > settings.edge_m)) ** 2
     )
     R = variance[:, None, None] * np.eye(2)
-    return Measurements(z_N=z_N, H=observation_matrix(along), R=R, radius=radius)
+    return Measurements(
+        z_N=z_N, H=observation_matrix(along), R=R, radius=radius, gate=(settings.jump * radius) ** 2
+    )
 
 
 def observation_matrix(along: Float64) -> Float64:

@@ -52,8 +52,20 @@ class Track:
         self.known_s += dt
         self.age_s += dt
 
-    def update(self, z_N: Float64, H: Float64, R: Float64) -> None:
-        """Take in a measurement."""
+    def update(self, z_N: Float64, H: Float64, R: Float64, jump_sigma: float) -> None:
+        """Take in a measurement.
+
+        A vessel does not move by decimetres between two scans; its visible side does. What of the
+        innovation exceeds `jump_sigma` is therefore charged to the bias: its variance is raised
+        until the innovation is `jump_sigma` away, before the filter's own update.
+        """
+        P = self.filter.P
+        S = H @ P @ H.T + R
+        y = z_N - H @ self.filter.x
+        excess = float(y @ inverse_2x2(S) @ y) / jump_sigma**2 - 1.0
+        if excess > 0.0:
+            toward = H[:, 4:]  # a rotation: the bias's axes in N, but for signs
+            P[4:, 4:] += excess * toward.T @ S @ toward
         self.filter.update(z_N, R=R, H=H)
         self.hits += 1
         self.age_s = 0.0

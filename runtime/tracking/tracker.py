@@ -12,6 +12,7 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
+from twinscrew.runtime.geometry.frames import rotation_2d
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
     Float64,
@@ -19,8 +20,10 @@ from twinscrew.runtime.messages.types import (
     Odometry,
     Tracks,
 )
-from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings
+from twinscrew.runtime.settings import Positive, Settings
 from twinscrew.runtime.tracking.association import associate
+from twinscrew.runtime.tracking.fragments import join_fragments
+from twinscrew.runtime.tracking.life import LifeSettings, is_absorbed, is_born, lives
 from twinscrew.runtime.tracking.measurement import Measurements, MeasurementSettings, measure
 from twinscrew.runtime.tracking.motion import bias_noise, motion_noise, transition
 from twinscrew.runtime.tracking.radius import RadiusSettings, smoothed_radius
@@ -34,18 +37,18 @@ class TrackerSettings(Settings, frozen=True):
     """How the visible centroid relates to the centre."""
     radius: RadiusSettings = RadiusSettings()
     """How the radius is smoothed."""
-    acceleration_psd: Positive = 0.3
-    """[m2/s3] Density of the white acceleration: how suddenly vessels turn and speed up."""
+    acceleration_psd: Positive = 1.0
+    """[m2/s3] Density of the white acceleration of what is under way."""
+    rest_psd: Positive = 0.05
+    """[m2/s3] The same of what lies still: buoys do not speed up."""
+    under_way_mps: Positive = 0.4
+    """[m/s] At this speed the density is half-way between the two (paper: slower is no vessel)."""
     first_speed_mps: Positive = 2.0
     """[m/s] Standard deviation of each velocity component of an object just met."""
     gate_sigma: Positive = 3.5
     """[-] A measurement farther than this from every track's prediction starts a new one."""
-    birth_hits: Count = 3
-    """[-] A track is reported once seen in this many"""
-    birth_scans: Count = 5
-    """[-] of its first this many scans; if it is not, it is dropped."""
-    coast_s: NonNegative = 2.0
-    """[s] A track unseen for longer is dropped; so is one unseen for longer than it was known."""
+    life: LifeSettings = LifeSettings()
+    """When a track is born and dropped."""
     max_gap_s: Annotated[float, Meta(gt=0.0)] = 5.0
     """[s] After a longer gap between scans everything is forgotten."""
 
@@ -85,10 +88,10 @@ class Tracker:
         dt = self._elapsed(objects.stamp_ns)
         if dt == 0.0 and self._reported is not None:
             return self._reported
-        measured = measure(objects, odometry, self.settings.measurement)
         self._predict(dt)
-        self._update(measured)
-        self._tracks = [track for track in self._tracks if self._lives(track)]
+        whole = self._joined(objects, odometry)
+        self._update(measure(whole, odometry, self.settings.measurement))
+        self._drop()
         self._reported = self._report(objects.stamp_ns)
         return self._reported
 
@@ -108,10 +111,26 @@ class Tracker:
             return
         bias = self.settings.measurement
         F = transition(dt, bias.bias_time_s)
-        Q = motion_noise(dt, self.settings.acceleration_psd)
+        Q_motion = motion_noise(dt, 1.0)
         Q_unit = bias_noise(dt, bias.bias_time_s, bias.bias_along**2, bias.bias_across**2)
         for track in self._tracks:
-            track.predict(dt, F, Q + track.radius**2 * Q_unit)
+            psd = self._acceleration_psd(track)
+            track.predict(dt, F, psd * Q_motion + track.radius**2 * Q_unit)
+
+    def _acceleration_psd(self, track: Track) -> float:
+        """Give the density of a track's acceleration [m2/s3]: rises with its speed."""
+        settings = self.settings
+        speed2 = float(track.filter.x[2] ** 2 + track.filter.x[3] ** 2)
+        share = speed2 / (speed2 + settings.under_way_mps**2)
+        return settings.rest_psd + share * (settings.acceleration_psd - settings.rest_psd)
+
+    def _joined(self, objects: Objects, odometry: Odometry) -> Objects:
+        """Put together what lies within the circle of one known track."""
+        known = [track for track in self._tracks if track.confirmed]
+        p_N = np.array([track.filter.x[:2] for track in known]).reshape(-1, 2)
+        p_B = (p_N - odometry.position_N[:2]) @ rotation_2d(odometry.heading)
+        circle = self.settings.life.join_share * _floats([track.radius for track in known])
+        return join_fragments(objects, p_B, circle)
 
     def _update(self, measured: Measurements) -> None:
         x = np.array([track.filter.x for track in self._tracks])
@@ -119,7 +138,12 @@ class Tracker:
         found = associate(x, P, measured, self.settings.gate_sigma)
         for i, j in found.pairs:
             track = self._tracks[i]
-            track.update(measured.z_N[j], measured.H[j], measured.R[j])
+            track.update(
+                measured.z_N[j],
+                measured.H[j],
+                measured.R[j],
+                self.settings.measurement.jump_sigma,
+            )
             track.radius = smoothed_radius(
                 track.radius, float(measured.radius[j]), self.settings.radius
             )
@@ -137,17 +161,15 @@ class Tracker:
         return track
 
     def _confirm(self, track: Track) -> None:
-        if not track.confirmed and track.hits >= self.settings.birth_hits:
+        if is_born(track, self.settings.life):
             track.confirmed = True
             track.id = self._next_id
             self._next_id += 1
 
-    def _lives(self, track: Track) -> bool:
-        if not track.confirmed:
-            missed = track.scans - track.hits
-            return missed <= self.settings.birth_scans - self.settings.birth_hits
-        seen_for = track.known_s - track.age_s
-        return track.age_s <= min(self.settings.coast_s, seen_for)
+    def _drop(self) -> None:
+        life = self.settings.life
+        alive = [track for track in self._tracks if lives(track, life)]
+        self._tracks = [track for track in alive if not is_absorbed(track, alive, life)]
 
     def _report(self, stamp_ns: int) -> Tracks:
         tracks = [track for track in self._tracks if track.confirmed]

@@ -1,0 +1,64 @@
+"""Pieces of one object, put together: what lies within a track's circle is that track's.
+
+In some scans a hull falls into pieces (its deck seen over one float, say). Each alone has another
+centroid, and following the nearest of them would look like motion. Two bodies that float cannot
+have their centres within one circle, so pieces that do belong together.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from twinscrew.runtime.messages.types import Float64, Objects
+
+
+def join_fragments(objects: Objects, p_B: Float64, radius: Float64) -> Objects:
+    """Replace objects within the circle of one track by one object.
+
+    Parameters
+    ----------
+    objects
+        As perception found them.
+    p_B : (K, 2) float64
+        Where the tracks are expected [m], levelled frame B.
+    radius : (K,) float64
+        Radii of their circles [m].
+
+    Returns
+    -------
+    Objects
+        The joined ones first: the mean of the points, the circle around that mean that holds the
+        pieces' circles, the sum of the points. The others follow as they were.
+    """
+    if len(objects.p_B) < 2 or not len(p_B):
+        return objects
+    offset = objects.p_B[None, :, :] - p_B[:, None, :]
+    within = np.hypot(offset[..., 0], offset[..., 1]) <= radius[:, None]
+    if (within.sum(axis=1) < 2).all():
+        return objects
+    rows, free = [], np.ones(len(objects.p_B), dtype=bool)
+    for members in within:
+        pieces = np.flatnonzero(members & free)
+        if len(pieces) > 1:
+            rows.append(_joined(objects, pieces))
+            free[pieces] = False
+    kept = np.flatnonzero(free)
+    rows += [(*objects.p_B[i], objects.radius[i], objects.points[i]) for i in kept]
+    table = np.array(rows, dtype=np.float64).reshape(-1, 4)
+    return Objects(
+        stamp_ns=objects.stamp_ns,
+        p_B=table[:, :2],
+        radius=table[:, 2],
+        points=table[:, 3].astype(np.int64),
+    )
+
+
+def _joined(
+    objects: Objects, pieces: np.ndarray[tuple[int], np.dtype[np.intp]]
+) -> tuple[float, float, float, float]:
+    """Give x, y, radius and points of pieces put together."""
+    p, points = objects.p_B[pieces], objects.points[pieces]
+    centre = points @ p / points.sum()
+    away = np.hypot(p[:, 0] - centre[0], p[:, 1] - centre[1])
+    reach = float((away + objects.radius[pieces]).max())
+    return float(centre[0]), float(centre[1]), reach, float(points.sum())
