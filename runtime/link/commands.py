@@ -6,7 +6,7 @@ from typing import Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.runtime.link.paddles import SPAN_US, STICK_SPAN, STOP_US
+from twinscrew.runtime.link.paddles import stick_from_pwm
 from twinscrew.runtime.link.wire import Message
 from twinscrew.runtime.messages.types import Severity
 
@@ -45,7 +45,7 @@ def thrust(
 ) -> Message:
     """Ask for pulse widths [us], left and right."""
     if control == "manual_control":
-        left, right = (round((p - STOP_US) * STICK_SPAN / SPAN_US) for p in pair)
+        left, right = (stick_from_pwm(pwm_us) for pwm_us in pair)
         none = 32_767  # an axis that is not there
         return mavlink.MAVLink_manual_control_message(target, none, left, right, none, 0)
     return _override(target, pair)

@@ -54,6 +54,6 @@ def thrust_from_pwm(pwm_us: float, scale: PaddleSettings) -> float:
     return thrust_from_fraction((pwm_us - STOP_US) / SPAN_US, scale)
 
 
-def stick_from_thrust(thrust_N: float, scale: PaddleSettings) -> int:
-    """Give MANUAL_CONTROL's stick, -1000 to 1000, for a thrust [N]."""
-    return round(STICK_SPAN * fraction_from_thrust(thrust_N, scale))
+def stick_from_pwm(pwm_us: int) -> int:
+    """Give MANUAL_CONTROL's stick, -1000 to 1000, for a pulse width [us]."""
+    return round((pwm_us - STOP_US) * STICK_SPAN / SPAN_US)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from twinscrew.runtime.link.paddles import (
     PaddleSettings,
     pwm_from_thrust,
-    stick_from_thrust,
+    stick_from_pwm,
     thrust_from_pwm,
 )
 
@@ -37,7 +37,11 @@ def test_more_thrust_is_never_less_paddle(a, b):
 @given(st.floats())
 def test_any_float_gives_a_pulse_the_autopilot_understands(thrust_N):
     assert 1000 <= pwm_from_thrust(thrust_N, SCALE) <= 2000
-    assert -1000 <= stick_from_thrust(thrust_N, SCALE) <= 1000
+
+
+@given(st.integers(1000, 2000))
+def test_sticks_and_pulses_are_two_words_for_one_paddle(pwm_us):
+    assert stick_from_pwm(pwm_us) == 2 * (pwm_us - 1500)
 
 
 @pytest.mark.parametrize("thrust_N", [math.nan, math.inf, -math.inf])
