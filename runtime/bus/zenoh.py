@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 import time
 import uuid
 from collections.abc import Iterable, Mapping
@@ -35,12 +36,13 @@ class _Line:
         self.closed = False
         self.publishers: dict[str, _Publisher] = {}
         self.subscribers: list[zenoh.Subscriber[None]] = []
+        config = zenoh_config(settings)
         try:
-            self.session = zenoh.open(zenoh_config(settings))
+            self.session = zenoh.open(config)
         except zenoh.ZError as error:
-            where = f"listening on {list(settings.listen)}, connecting to {list(settings.connect)}"
-            why = in_short(error)
-            raise BusError(f"Zenoh cannot be opened as {settings.mode}, {where}: {why}") from None
+            raise BusError(
+                f"Zenoh cannot be opened ({_words(config)}): {in_short(error)}"
+            ) from None
 
 
 class _Publisher:
@@ -169,3 +171,12 @@ class ZenohBus:
             raise BusError("the bus is closed")
         settings = self._line.settings
         return key(find_topic(topic), self._namespace, settings.key_format, domain=settings.domain)
+
+
+def _words(config: zenoh.Config) -> str:
+    """Say what a configuration wants to be."""
+    mode, listen, connect = (
+        json.loads(config.get_json(key))
+        for key in ("mode", "listen/endpoints", "connect/endpoints")
+    )
+    return f"{mode or 'peer'}, listening on {listen}, connecting to {connect}"
