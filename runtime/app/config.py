@@ -46,6 +46,14 @@ class RuntimeConfig(Settings, frozen=True):
     autopilot: AutopilotSettings = AutopilotSettings()
     recording: RecordingSettings = RecordingSettings()
 
+    def __post_init__(self) -> None:
+        """Refuse thrust limits that the autopilot's paddles cannot ask for."""
+        paddles = self.autopilot.paddles
+        if not -paddles.astern_N <= self.thrust.min_n <= 0.0 <= self.thrust.max_n:
+            raise ValueError(f"thrust.min_n must be in [{-paddles.astern_N:g}, 0] N")
+        if self.thrust.max_n > paddles.ahead_N:
+            raise ValueError(f"thrust.max_n must be in [0, {paddles.ahead_N:g}] N")
+
 
 def load_config(path: Path) -> RuntimeConfig:
     """Read a runtime's configuration; a `ConfigError` says what in it cannot be used."""

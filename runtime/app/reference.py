@@ -1,0 +1,88 @@
+"""Writes settings as a TOML file that explains itself: each key with its default and docstring.
+
+config/runtime.toml is made by ``python -m twinscrew.runtime.app.reference``; a test compares.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import textwrap
+from collections.abc import Iterator
+from enum import Enum
+from itertools import pairwise
+from typing import Any
+
+import msgspec
+
+from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.settings import Settings
+
+WIDTH = 100
+HEAD = """\
+# Every setting of a vessel's runtime, with its default. A file needs only the keys that differ.
+# Frames: N is north-east-down, B forward-starboard-down. `twinscrew run --config FILE` uses it,
+# `twinscrew doctor --config FILE` checks it. Made from the source; do not edit by hand.
+"""
+
+
+def as_toml(settings: Settings, path: tuple[str, ...] = ()) -> Iterator[str]:
+    """Give the lines of a TOML file with the settings' values and their docstrings as comments."""
+    meanings = _docstrings(type(settings))
+    groups = []
+    for field in msgspec.structs.fields(settings):
+        value = getattr(settings, field.name)
+        if isinstance(value, Settings):
+            groups.append((field.encode_name, value))
+            continue
+        yield from _comment(meanings.get(field.name, ""))
+        if value is None:
+            yield f"# {field.encode_name} ="
+        else:
+            yield f"{field.encode_name} = {_literal(value)}"
+    for name, group in groups:
+        yield ""
+        yield f"[{'.'.join((*path, name))}]"
+        yield from _comment(inspect.cleandoc(type(group).__doc__ or "").splitlines()[0])
+        yield from as_toml(group, (*path, name))
+
+
+def _docstrings(type_: type[Settings]) -> dict[str, str]:
+    """Find the docstring under each field; the interpreter does not keep them."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(type_)))
+    (body,) = (node.body for node in tree.body if isinstance(node, ast.ClassDef))
+    found = {}
+    for field, text in pairwise(body):
+        if (
+            isinstance(field, ast.AnnAssign)
+            and isinstance(field.target, ast.Name)
+            and isinstance(text, ast.Expr)
+            and isinstance(text.value, ast.Constant)
+        ):
+            found[field.target.id] = " ".join(str(text.value.value).split())
+    return found
+
+
+def _comment(text: str) -> list[str]:
+    return [f"# {line}" for line in textwrap.wrap(text, WIDTH - 2)]
+
+
+def _literal(value: Any) -> str:
+    if isinstance(value, Enum):
+        value = value.value
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(_literal(item) for item in value)}]"
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return repr(value)
+
+
+def reference() -> str:
+    """Give the whole of config/runtime.toml."""
+    return HEAD + "\n" + "\n".join(as_toml(RuntimeConfig())) + "\n"
+
+
+if __name__ == "__main__":
+    print(reference(), end="")

@@ -1,0 +1,47 @@
+import pytest
+
+from twinscrew.runtime.app.health import Facts, Health, State, state_of
+from twinscrew.runtime.safety.events import LIDAR_STALE, OVERRUN
+
+WELL = {
+    "inputs_heard": True,
+    "inputs_fresh": True,
+    "may_drive": True,
+    "fault": False,
+    "has_goal": True,
+    "warned": False,
+}
+
+
+@pytest.mark.parametrize(
+    ("changes", "state"),
+    [
+        ({}, State.ACTIVE),
+        ({"warned": True}, State.DEGRADED),
+        ({"has_goal": False}, State.READY),
+        ({"may_drive": False}, State.READY),
+        ({"inputs_fresh": False}, State.SAFE),
+        ({"fault": True}, State.SAFE),
+        ({"fault": True, "may_drive": False}, State.SAFE),
+        ({"inputs_heard": False, "inputs_fresh": False}, State.STANDBY),
+    ],
+)
+def test_the_state_follows_from_the_facts(changes: dict[str, bool], state: State) -> None:
+    assert state_of(Facts(**{**WELL, **changes})) is state
+
+
+def test_every_transition_is_an_event_and_staying_is_none() -> None:
+    health = Health()
+    event = health.step(Facts(**WELL), 7)
+    assert event is not None
+    assert (event.name, event.detail, event.stamp_ns) == ("state", "standby -> active", 7)
+    assert health.step(Facts(**WELL), 8) is None
+
+
+def test_a_warning_degrades_for_a_second_and_an_error_is_not_a_warning() -> None:
+    health = Health()
+    health.note((LIDAR_STALE.at(0),), 0.0)
+    assert not health.warned(0.0)
+    health.note((OVERRUN.at(0),), 1.0)
+    assert health.warned(1.9)
+    assert not health.warned(2.1)

@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+
+from twinscrew.runtime.app.mission import Mission, MissionSettings
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.messages.types import Goal, Odometry
+
+
+def at(north: float, east: float) -> Odometry:
+    return Odometry(
+        stamp_ns=3,
+        position_N=np.array([north, east, 0.0]),
+        q_NB=np.array([1.0, 0, 0, 0]),
+        velocity_B=np.zeros(3),
+        rates_B=np.zeros(3),
+    )
+
+
+def names(mission: Mission, *places: tuple[float, float]) -> list[str | None]:
+    events = [mission.step(at(*place)) for place in places]
+    return [event.name if event else None for event in events]
+
+
+def test_without_a_goal_there_is_nothing_to_reach() -> None:
+    mission = Mission()
+    assert mission.goal is None
+    assert names(mission, (0, 0)) == [None]
+    assert not mission.arrived
+
+
+def test_waypoints_are_reached_one_after_another() -> None:
+    mission = Mission(MissionSettings(waypoints_m=((10, 0), (20, 0))))
+    assert names(mission, (20, 0), (8.1, 0), (12, 0), (18.5, 0)) == [
+        None,
+        "waypoint_reached",
+        None,
+        "goal_reached",
+    ]
+    assert mission.arrived
+
+
+def test_arrival_is_told_once_and_lasts_while_the_boat_drifts() -> None:
+    mission = Mission(MissionSettings(waypoints_m=((10, 0),)))
+    assert names(mission, (10, 0), (10, 0), (30, 0)) == ["goal_reached", None, None]
+    assert mission.arrived
+
+
+def test_holding_station_heads_back_after_twice_the_radius() -> None:
+    mission = Mission(MissionSettings(waypoints_m=((10, 0),), hold_station=True))
+    names(mission, (10, 0), (13, 0))
+    assert mission.arrived
+    names(mission, (14.5, 0))
+    assert not mission.arrived
+    assert names(mission, (11, 0)) == ["goal_reached"]
+
+
+def test_a_goal_from_the_bus_replaces_all_others() -> None:
+    mission = Mission(MissionSettings(waypoints_m=((10, 0), (20, 0))))
+    names(mission, (10, 0), (20, 0))
+    event = mission.set_goal(Goal(stamp_ns=9, position_N=np.array([-5.0, 2.0])))
+    assert event.name == "goal_set"
+    assert not mission.arrived
+    assert mission.goal is not None
+    assert mission.goal.position_N.tolist() == [-5, 2]
+
+
+def test_a_waypoint_that_is_not_finite_is_refused() -> None:
+    with pytest.raises(ConfigError, match="waypoints_m"):
+        Mission(MissionSettings(waypoints_m=((float("nan"), 0),)))
