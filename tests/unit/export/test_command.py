@@ -1,0 +1,93 @@
+import json
+
+import msgspec
+import pytest
+import torch
+
+from twinscrew.export import parity
+from twinscrew.export.command import export
+from twinscrew.export.onnx_file import DeployedPolicy
+from twinscrew.runtime.errors import ConfigError, PolicyError
+from twinscrew.runtime.messages.types import Observation
+from twinscrew.runtime.policy.onnx import OnnxPolicy
+from twinscrew.training import runs
+from twinscrew.training.agents.ac_iqn import AcIqnSettings
+from twinscrew.training.agents.registry import make_agent
+from twinscrew.training.networks import NetworkSettings
+from twinscrew.training.train_settings import Phase, TrainSettings
+
+AGENT = AcIqnSettings(network=NetworkSettings(ego_width=16, object_width=16, hidden_width=16))
+
+
+@pytest.fixture(scope="module")
+def run_dir(tmp_path_factory):
+    """A run directory as training leaves it, of an agent that has learnt nothing."""
+    folder = tmp_path_factory.mktemp("runs") / "seed_7"
+    folder.mkdir()
+    settings = TrainSettings(agent=AGENT, phases=[Phase(name="none", steps=1)])
+    told = {"seed": 7, "settings": msgspec.to_builtins(settings)}
+    (folder / runs.CONFIG).write_text(json.dumps(told))
+    runs.append_record(folder / runs.LOG, {"event": "start", "machine": "a test"})
+    agent = make_agent(AGENT, 7, "cpu")
+    content = {"agent": agent.state(), "where": {"step": 1}, "score": json.dumps({"success": 0.0})}
+    runs.save_checkpoint(folder / runs.BEST, "ac_iqn", content)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def file(run_dir, tmp_path_factory):
+    out = tmp_path_factory.mktemp("policies") / "made.onnx"
+    export(run_dir, out, margin=1.2, episodes=1, seed=3, last=False, json_=False)
+    return out
+
+
+def test_the_runtime_accepts_the_file(file):
+    policy = OnnxPolicy(file)
+    assert policy.name == "ac_iqn"
+    assert policy.period_s == 0.5
+    assert policy.metadata.radius_margin == 1.2
+    assert policy.metadata.training_run == "seed_7 seed 7"
+
+
+def test_the_file_decides_as_the_agent(file, run_dir):
+    agent = make_agent(AGENT, 0, "cpu")
+    agent.restore(runs.load_checkpoint(run_dir / runs.BEST, "ac_iqn")["agent"])
+    seen = parity.recorded_observations(decisions=3)
+    with torch.no_grad():
+        expected = agent.deployed(1.2)(seen) * 1000.0
+    policy = OnnxPolicy(file)
+    for k in (0, 17, 60):
+        one = Observation(
+            ego=seen.ego[k].numpy(), objects=seen.objects[k].numpy(), mask=seen.mask[k].numpy()
+        )
+        assert policy.act(one).tolist() == pytest.approx(expected[k].tolist(), abs=0.05)
+
+
+def test_the_card_tells_how_it_was_made_and_what_it_scores(file):
+    card = json.loads(file.with_suffix(".json").read_text())
+    assert card["policy"] == "made.onnx"
+    assert card["trained"]["seed"] == 7
+    assert card["trained"]["machine"] == "a test"
+    assert card["parity"]["max_difference_n_per_s"] < 0.05
+    assert card["scores"]["seed"] == 3
+    assert [(row["robots"], row["buoys"]) for row in card["scores"]["settings"]] == [
+        (3, 0), (4, 0), (5, 0), (5, 2), (5, 3), (5, 4)
+    ]  # fmt: skip
+    low, high = card["scores"]["settings"][0]["wilson95"]
+    assert 0.0 <= low <= card["scores"]["settings"][0]["success_rate"] <= high <= 1.0
+
+
+def test_a_file_of_another_network_is_refused(file, run_dir):
+    other = DeployedPolicy(make_agent(AGENT, 99, "cpu").deployed(1.2), 1000.0)
+    with pytest.raises(PolicyError, match="differs from the network"):
+        parity.check_parity(other, file)
+
+
+def test_a_folder_without_a_run_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="no training run here"):
+        export(tmp_path, tmp_path / "p.onnx", None, 1, 0, False, False)
+
+
+def test_a_run_without_that_checkpoint_is_refused(run_dir, tmp_path):
+    with pytest.raises(ConfigError, match=r"checkpoint\.pt.*No such file"):
+        export(run_dir, tmp_path / "p.onnx", None, 1, 0, last=True, json_=False)

@@ -1,0 +1,110 @@
+import onnx
+import onnxruntime
+import pytest
+import torch
+
+from twinscrew.export.onnx_file import (
+    INPUTS,
+    OPSET,
+    DeployedPolicy,
+    example_inputs,
+    onnx_bytes,
+    write_atomically,
+)
+from twinscrew.runtime.errors import PolicyError
+from twinscrew.runtime.policy.onnx_walk import refuse_foreign_parts
+from twinscrew.training.encoders import See
+from twinscrew.training.networks import Actor, NetworkSettings, Pilot
+
+SMALL = NetworkSettings(ego_width=16, object_width=16, hidden_width=16)
+PAPER = NetworkSettings(kind="paper", normalise=False, hidden_width=16)
+
+
+def policy(margin=1.25, settings=SMALL):
+    torch.manual_seed(0)
+    return DeployedPolicy(Pilot(See(settings), Actor(settings), margin), 1000.0)
+
+
+@pytest.fixture(scope="module", params=[SMALL, PAPER], ids=["set", "paper"])
+def exported(request):
+    made = policy(settings=request.param)
+    return made, onnx_bytes(made, {"algorithm": "ac_iqn", "answer": "42"})
+
+
+def answers(data, inputs):
+    session = onnxruntime.InferenceSession(data, providers=["CPUExecutionProvider"])
+    feed = {name: part.numpy() for name, part in zip(INPUTS, inputs, strict=True)}
+    return torch.from_numpy(session.run(["thrust_rate"], feed)[0])
+
+
+@pytest.mark.parametrize("count", [1, 2, 33])
+def test_the_graph_answers_as_the_network_for_any_batch(exported, count):
+    made, data = exported
+    inputs = example_inputs(count, seed=count)
+    with torch.no_grad():
+        assert torch.allclose(answers(data, inputs), made(*inputs), atol=0.02)
+
+
+def test_padding_has_no_influence_in_the_graph(exported):
+    _, data = exported
+    ego, objects, mask = example_inputs(20, seed=3)
+    dirty = torch.where(mask[:, :, None] > 0, objects, 1e6)
+    assert torch.equal(answers(data, (ego, objects, mask)), answers(data, (ego, dirty, mask)))
+
+
+def test_thrust_rates_keep_within_the_limit(exported):
+    _, data = exported
+    ego, objects, mask = example_inputs(200, seed=4)
+    assert answers(data, (ego * 100, objects, mask)).abs().max() <= 1000.0
+
+
+def test_the_graph_is_opset_18_and_stands_alone(exported):
+    _, data = exported
+    model = onnx.load_from_string(data)
+    assert [(o.domain, o.version) for o in model.opset_import] == [("", OPSET)]
+    refuse_foreign_parts(data)
+
+
+def test_inputs_and_output_have_their_names_and_shapes(exported):
+    _, data = exported
+    graph = onnx.load_from_string(data).graph
+
+    def shape(value):
+        return [d.dim_param or d.dim_value for d in value.type.tensor_type.shape.dim]
+
+    found = {value.name: shape(value) for value in graph.input}
+    assert found == {name: told["shape"] for name, told in INPUTS.items()}
+    assert {v.name: shape(v) for v in graph.output} == {"thrust_rate": ["N", 2]}
+
+
+def test_metadata_is_in_the_file_and_nothing_of_this_machine(exported):
+    _, data = exported
+    model = onnx.load_from_string(data)
+    assert {p.key: p.value for p in model.metadata_props} == {"algorithm": "ac_iqn", "answer": "42"}
+    assert b"site-packages" not in data
+    assert b"encoders.py" not in data
+
+
+def test_the_margin_widens_what_is_seen():
+    inputs = example_inputs(50, seed=5)
+    wide = (inputs[0], inputs[1] * torch.tensor([1, 1, 1, 1, 1.25]), inputs[2])
+    with torch.no_grad():
+        assert torch.allclose(policy(1.25)(*inputs), policy(1.0)(*wide), atol=1e-3)
+        assert not torch.allclose(policy(1.25)(*inputs), policy(1.0)(*inputs), atol=1e-3)
+
+
+def test_metadata_must_be_strings():
+    with pytest.raises(PolicyError, match=r"'period' must be a string, got 0\.5"):
+        onnx_bytes(policy(), {"period": 0.5})
+
+
+def test_a_file_that_cannot_be_written_is_named(tmp_path):
+    with pytest.raises(PolicyError, match=r"nowhere.*policy\.onnx.*No such file"):
+        write_atomically(b"x", tmp_path / "nowhere" / "policy.onnx")
+
+
+def test_writing_leaves_only_the_file(tmp_path):
+    write_atomically(b"old", tmp_path / "policy.onnx")
+    write_atomically(b"new", tmp_path / "policy.onnx")
+    assert [p.name for p in tmp_path.iterdir()] == ["policy.onnx"]
+    assert (tmp_path / "policy.onnx").read_bytes() == b"new"
