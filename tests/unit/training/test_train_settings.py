@@ -52,11 +52,12 @@ def test_what_is_wrong_is_named(tmp_path, text, words):
 def test_a_phase_changes_only_what_it_names(tmp_path):
     text = START + "[phases.agent]\nrisk = 0.5\n[phases.environment.reward]\ncollision = -60\n"
     settings = load_training(written(tmp_path, text))
-    agent, environment = phase_settings(settings, settings.phases[0])
+    agent, environment, rough = phase_settings(settings, settings.phases[0])
     assert agent.risk == 0.5
     assert agent.fractions == settings.agent.fractions
     assert environment.reward.collision == -60
     assert environment.reward.goal == settings.environment.reward.goal
+    assert rough == environment
 
 
 def test_seeds_are_read_as_they_are_typed():
