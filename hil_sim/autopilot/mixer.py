@@ -70,15 +70,24 @@ class Mixer:
         """SERVOn_FUNCTION of outputs 1 to 16."""
         self._left = self._output(THROTTLE_LEFT, parameters)
         self._right = self._output(THROTTLE_RIGHT, parameters)
+        self._neutral = self._outputs = self._mix(0.0, 0.0)
+        self._pulses = (0, 0)
 
     def outputs(self, channels: Sequence[int] | None) -> tuple[int, int]:
         """Give the left and right pulse widths [us] for channels [us]; None is neutral."""
-        left, right = (0.0, 0.0) if channels is None else self._paddles(channels)
+        if channels is None:
+            return self._neutral
+        pulses = _channel(channels, self._steer), _channel(channels, self._throttle)
+        if pulses != self._pulses:  # mostly nothing has changed since the last step
+            self._pulses, self._outputs = pulses, self._mix(*self._paddles(*pulses))
+        return self._outputs
+
+    def _mix(self, left: float, right: float) -> tuple[int, int]:
         return self._left.pulse(left), self._right.pulse(right)
 
-    def _paddles(self, channels: Sequence[int]) -> tuple[float, float]:
-        steer = self._steer_input.fraction(_channel(channels, self._steer))
-        throttle = self._throttle_input.fraction(_channel(channels, self._throttle))
+    def _paddles(self, steer_us: int, throttle_us: int) -> tuple[float, float]:
+        steer = self._steer_input.fraction(steer_us)
+        throttle = self._throttle_input.fraction(throttle_us)
         if self._two_paddles:
             return steer, throttle
         return throttle + steer, throttle - steer  # one stick steers, the other drives

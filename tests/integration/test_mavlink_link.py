@@ -16,6 +16,7 @@ from twinscrew.runtime.messages.types import Odometry
 
 STEP_S = 0.05
 KEY = bytes(range(32))
+SERVO_OUTPUT_RAW = 36
 
 
 class Boat:
@@ -250,3 +251,39 @@ def test_two_runs_send_the_same_bytes():
     first, second = (Boat(line=lossy(0.2, 5)).sail(10.0, (123.0, -45.0)) for _ in range(2))
     assert first.bytes_sent == second.bytes_sent
     assert first.story == second.story
+
+
+@pytest.mark.parametrize("away_s", [0.3, 1.0, 5.0, 60.0])
+def test_a_runtime_that_was_killed_and_started_again_sails_on(away_s):
+    boat = Boat().sail(3.0, (400.0, 400.0))
+    for _ in range(round(away_s / STEP_S)):
+        boat.now_s = round(boat.now_s + STEP_S, 6)
+        boat.autopilot.step(boat.now_s)
+    if away_s > 2.5:
+        assert boat.autopilot.rover.mode is Mode.HOLD
+    boat.link = AutopilotLink(boat.link.settings)
+    boat.sail(4.0)
+    assert boat.link.status.engaged
+    assert boat.autopilot.thrust_command_N().tolist() == [400.0, 400.0]
+
+
+def test_a_runtime_that_starts_while_a_pilot_holds_an_armed_boat_leaves_it_to_him():
+    boat = Boat().sail(3.0, (400.0, 400.0))
+    boat.autopilot.rover.set_mode(Mode.HOLD)
+    boat.sail(1.0)
+    boat.link = AutopilotLink(boat.link.settings)
+    boat.sail(30.0)
+    assert boat.autopilot.rover.mode is Mode.HOLD
+    assert boat.link.status.pilot_has_it
+
+
+def test_an_autopilot_that_starts_again_is_asked_for_its_streams_but_not_armed():
+    boat = Boat().sail(3.0, (400.0, 400.0))
+    boat.autopilot = RoverAutopilot(RoverAutopilotSettings(), 1, boot_s=boat.now_s)
+    boat.sail(5.0)
+    assert "autopilot_disarmed" in boat.names
+    assert not boat.autopilot.rover.armed
+    assert boat.autopilot.streams.interval_s(SERVO_OUTPUT_RAW) == pytest.approx(0.1)
+    boat.link.ask_again()
+    boat.sail(2.0)
+    assert boat.autopilot.thrust_command_N().tolist() == [400.0, 400.0]
