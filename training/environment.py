@@ -259,8 +259,8 @@ class VectorEnv:
     def _move(self, action: NDArray[np.floating]) -> None:
         """Change the thrusts and sail through the sub-steps of a decision."""
         vessel = self.settings.vessel
-        rate = np.clip(action, -1.0, 1.0).transpose(2, 0, 1) * RATE_LIMIT
-        self._thrust += rate * self.settings.period_s
+        rate = np.clip(np.asarray(action, np.float64), -1.0, 1.0) * RATE_LIMIT
+        self._thrust += rate.transpose(2, 0, 1) * self.settings.period_s
         np.clip(self._thrust, vessel.thrust_min_n, vessel.thrust_max_n, out=self._thrust)
         self._thrust *= self._active
         elapsed = self._decisions.astype(np.float64) * self.settings.period_s

@@ -129,5 +129,5 @@ def _nearest(features: Float32, surface: Float32, most: int) -> tuple[Float32, F
     kept = order.shape[-1]
     mask[..., :kept] = surface.reshape(-1)[rows] < np.inf
     objects[..., :kept, :] = features.reshape(-1, 5)[rows]
-    objects *= mask[..., None]
+    objects[mask == 0.0] = 0.0
     return objects, mask

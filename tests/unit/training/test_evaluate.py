@@ -1,0 +1,147 @@
+"""Evaluation: what counts as success, and that batches do not matter."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from twinscrew.runtime.app.cli import main
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.training.batch_policy import OneByOne, open_policy
+from twinscrew.training.drive import steer_at_goal
+from twinscrew.training.evaluate import Evaluation, evaluate, score, wilson95
+from twinscrew.training.perception import Observations
+from twinscrew.training.scenarios import ScenarioSettings
+
+THREE = ScenarioSettings(robots=3, min_distance_m=30.0)
+
+
+class Driver:
+    """A batch policy from a function of the ego states."""
+
+    name = "driver"
+
+    def __init__(self, action: Callable[[np.ndarray], np.ndarray], period_s: float = 0.5) -> None:
+        self.action, self.period_s = action, period_s
+
+    def begin(self, episodes: int, vessels: int) -> None:
+        pass
+
+    def rates(self, seen: Observations, active: np.ndarray) -> np.ndarray:
+        return 1000.0 * self.action(seen.ego) * active[..., None]
+
+
+IDLE = Driver(lambda ego: np.zeros((*ego.shape[:2], 2)))
+
+
+def test_every_episode_is_a_success_a_collision_or_a_timeout() -> None:
+    result = evaluate(Driver(steer_at_goal), THREE, episodes=60, seed=1)
+    successes = round(result.success_rate * 60)
+    assert successes + result.collisions + result.timeouts == 60
+    assert 0 < successes < 60
+    assert result.travel_time_s is not None
+    assert 9.0 < result.travel_time_s < 40.0  # 30 to 70 m at up to 3.3 m/s
+
+
+def test_the_batch_does_not_change_the_result() -> None:
+    driver = Driver(steer_at_goal)
+    whole, parts = (evaluate(driver, THREE, 30, seed=2, batch=batch) for batch in (30, 7))
+    assert whole == parts
+
+
+def test_vessels_that_stay_where_they_are_time_out_and_have_no_travel_time() -> None:
+    result = evaluate(IDLE, THREE, episodes=3, seed=0)
+    assert (result.timeouts, result.collisions, result.success_rate) == (3, 0, 0.0)
+    assert result.travel_time_s is None
+    assert json.loads(json.dumps(result.record()))["travel_time_s"] is None
+
+
+def test_the_policys_period_is_the_environments() -> None:
+    fast = evaluate(Driver(steer_at_goal, period_s=0.25), THREE, episodes=20, seed=1)
+    assert fast.travel_time_s is not None
+    with pytest.raises(ConfigError, match="period_s"):
+        evaluate(Driver(steer_at_goal, period_s=0.13), THREE, episodes=1, seed=1)
+
+
+def test_a_collision_counts_before_a_timeout() -> None:
+    result = score(
+        np.array([True, True, False, False]), np.array([1, 0, 1, 0], bool), np.ones(2), 9
+    )
+    assert (result.collisions, result.timeouts, result.success_rate) == (2, 1, 0.25)
+    assert result.seed == 9
+
+
+@pytest.mark.parametrize(
+    ("successes", "trials", "low", "high"),
+    [
+        (0, 10, 0.0, 0.2775),
+        (10, 10, 0.7225, 1.0),
+        (5, 10, 0.2366, 0.7634),
+        (970, 1000, 0.9575, 0.9789),
+    ],
+)
+def test_wilsons_interval_has_its_published_values(
+    successes: int, trials: int, low: float, high: float
+) -> None:
+    assert wilson95(successes, trials) == pytest.approx((low, high), abs=2e-4)
+
+
+def test_a_baseline_sails_one_by_one() -> None:
+    policy = open_policy("apf")
+    assert isinstance(policy, OneByOne)
+    result = evaluate(policy, ScenarioSettings(robots=1, min_distance_m=30.0), episodes=1, seed=0)
+    assert result.success_rate == 1.0
+
+
+def test_the_command_prints_one_json_object_with_the_fixed_keys(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    argv = ["twinscrew", "evaluate", "apf", "--robots", "1", "--episodes", "1", "--json"]
+    monkeypatch.setattr("sys.argv", argv)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    record = json.loads(capsys.readouterr().out)
+    assert list(record) == [
+        "episodes",
+        "success_rate",
+        "wilson95",
+        "travel_time_s",
+        "collisions",
+        "timeouts",
+        "seed",
+    ]
+    assert record["episodes"] == 1
+
+
+@pytest.mark.parametrize(
+    ("option", "word"),
+    [
+        (["--robots", "60"], "allowed"),
+        (["--robots", "0"], "robots"),
+        (["--min-distance", "80"], "72.1"),
+        (["--episodes", "0"], "episodes"),
+        (["--seed", "-1"], "seed"),
+    ],
+)
+def test_an_impossible_request_ends_with_status_2_and_says_what_is_allowed(
+    option: list[str],
+    word: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("sys.argv", ["twinscrew", "evaluate", "apf", "--json", *option])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    captured = capsys.readouterr()
+    assert word in captured.err
+    assert captured.out == ""
+
+
+def test_evaluations_are_plain_values() -> None:
+    record = Evaluation(1, 1.0, (0.2, 1.0), 12.5, 0, 0, 3).record()
+    assert json.loads(json.dumps(record))["wilson95"] == [0.2, 1.0]

@@ -1,0 +1,91 @@
+"""Scenarios keep the distances that they promise, and cover the map."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from twinscrew.training.scenario_pool import Pool
+from twinscrew.training.scenarios import MapSettings, Scenarios, ScenarioSettings, sample
+from twinscrew.training.settings_table import published_distance_m, six_settings
+from twinscrew.training.streams import episode_stream
+
+
+class Row(NamedTuple):
+    value: np.ndarray
+
+
+def draw(number: int, area: MapSettings, row: ScenarioSettings, seed: int = 0) -> Scenarios:
+    generators = [episode_stream(seed, 0, k) for k in range(number)]
+    shape = (row.robots, row.buoys)
+    return sample([row], np.zeros(number, np.intp), area, generators, shape)
+
+
+def gaps(points: np.ndarray) -> np.ndarray:
+    apart = np.abs(points[:, :, None] - points[:, None, :])
+    i, j = np.triu_indices(points.shape[1], 1)
+    return apart[:, i, j]
+
+
+def test_the_hardest_of_the_six_settings_keeps_every_distance() -> None:
+    row = six_settings()[-1]
+    s = draw(200, MapSettings(), row)
+    assert (np.abs(s.start - s.goal) >= 40.0).all()
+    assert (gaps(s.start) >= 10.0).all()
+    assert (gaps(s.goal) >= 10.0).all()
+    assert (gaps(s.buoy) >= 2.0).all()
+    for ends in (s.start, s.goal):
+        assert (np.abs(s.buoy[:, :, None] - ends[:, None, :]) >= 11.0).all()
+        assert ((ends.real >= 2) & (ends.real <= 53) & (ends.imag >= 2) & (ends.imag <= 53)).all()
+    assert ((s.buoy.real >= 5) & (s.buoy.real <= 50)).all()
+
+
+def test_a_start_may_lie_on_a_goal_only_if_that_is_allowed() -> None:
+    row = ScenarioSettings(robots=5, min_distance_m=40.0)
+
+    def nearest(area: MapSettings) -> float:
+        s = draw(100, area, row)
+        apart = np.abs(s.start[:, :, None] - s.goal[:, None, :])
+        return float(apart.min())
+
+    assert nearest(MapSettings()) < 5.0
+    assert nearest(MapSettings(goals_on_starts=False)) >= 10.0
+
+
+def test_a_single_vessel_starts_anywhere_and_heads_anywhere() -> None:
+    s = draw(4000, MapSettings(), ScenarioSettings(robots=1, min_distance_m=0.0))
+    assert abs(s.start.real.mean() - 27.5) < 1.0
+    assert abs(s.start.imag.std() - 51 / np.sqrt(12)) < 0.5
+    assert abs(np.exp(1j * s.heading).mean()) < 0.05
+
+
+def test_an_episode_does_not_depend_on_those_drawn_with_it() -> None:
+    row = six_settings()[-1]
+    together, fewer = draw(30, MapSettings(), row), draw(7, MapSettings(), row)
+    for all_, first in zip(together, fewer, strict=True):
+        assert np.array_equal(all_[:7], first)
+
+
+def test_a_pool_gives_every_slot_its_episodes_in_order_however_they_are_taken() -> None:
+    asked: list[tuple[int, int]] = []
+
+    def make(slots: np.ndarray, numbers: np.ndarray) -> Row:
+        asked.extend(zip(slots.tolist(), numbers.tolist(), strict=True))
+        return Row(100 * slots + numbers)
+
+    pool = Pool(make, slots=3, depth=4)  # type: ignore[arg-type]
+    taken: dict[int, list[int]] = {0: [], 1: [], 2: []}
+    generator = np.random.default_rng(0)
+    for _ in range(60):
+        slots = np.flatnonzero(generator.random(3) < [0.9, 0.3, 0.1])
+        if slots.size:
+            for slot, value in zip(slots, pool.take(slots)[0], strict=True):
+                taken[int(slot)].append(int(value))
+    for slot, values in taken.items():
+        assert values == [100 * slot + n for n in range(len(values))]
+    assert len(asked) == len(set(asked))
+
+
+def test_the_published_distance_grows_with_the_number_of_vessels() -> None:
+    assert [published_distance_m(n) for n in (1, 3, 4, 5, 8)] == [30, 30, 35, 40, 40]
