@@ -9,7 +9,6 @@ namespace twinscrew {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kMargin = 1e-9;  // [rad] rounding of a window's edge must not lose a beam
 
 double wrap(double angle) { return std::remainder(angle, 2 * kPi); }
 

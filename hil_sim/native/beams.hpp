@@ -9,10 +9,17 @@
 
 namespace twinscrew {
 
+/// [rad] Rounding of a window's edge must not lose a beam.
+inline constexpr double kMargin = 1e-9;
+
 /// Angles that contain an object as the sensor sees it; azimuth is centre and half width.
 struct Window {
   double elevation_low, elevation_high;
   double azimuth, half_azimuth;
+
+  bool contains_elevation(double e) const {
+    return e >= elevation_low - kMargin && e <= elevation_high + kMargin;
+  }
 };
 
 /// A run of columns in order of azimuth, [begin, end).

@@ -66,8 +66,8 @@ void Caster::draw(const Solid& solid, const Placed& placed) {
   const Vec3 x_P = row(X_SP.R, 0), y_P = row(X_SP.R, 1), z_P = row(X_SP.R, 2);
 
   for (std::size_t r = 0; r < beams_.rows(); ++r) {
-    const double e = beams_.elevation[r], ce = beams_.cos_elevation[r], se = beams_.sin_elevation[r];
-    if (e < seen.window.elevation_low - 1e-9 || e > seen.window.elevation_high + 1e-9) continue;
+    if (!seen.window.contains_elevation(beams_.elevation[r])) continue;
+    const double ce = beams_.cos_elevation[r], se = beams_.sin_elevation[r];
     for (const Run& run : runs) {
       for (std::size_t i = run.begin; i < run.end; ++i) {
         const Vec3 d_S{ce * beams_.cos_azimuth[i], ce * beams_.sin_azimuth[i], -se};

@@ -48,13 +48,16 @@ class Caster {
  private:
   struct Placed {
     Pose X_SO;
-    Vec3 down_S;     // the world's down in the sensor's axes
+    Vec3 down_S;       // the world's down in the sensor's axes
     double clearance;  // [m] height of the sensor over the body's water
     std::int32_t body;
   };
   struct OwnEcho {
     std::size_t beam;
     double range;
+  };
+  struct Touched {
+    std::size_t begin, end;
   };
 
   void draw(const Solid& solid, const Placed& placed);
@@ -68,9 +71,6 @@ class Caster {
   std::vector<OwnEcho> own_echoes_;
   std::vector<double> depth_;
   std::vector<std::int32_t> body_;
-  struct Touched {
-    std::size_t begin, end;
-  };
   std::vector<Touched> touched_;  // columns of each row that may hold an echo
 };
 
