@@ -11,7 +11,9 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from twinscrew.runtime.app.bag import BagSettings, BagWriter
-from twinscrew.runtime.errors import RecordingError
+from twinscrew.runtime.errors import RecordingError, one_of
+from twinscrew.runtime.messages.definitions import type_store
+from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.settings import Positive
 
 _SOFTWARE: Final = ("twinscrew", "numpy", "scipy", "filterpy", "onnxruntime", "eclipse-zenoh")
@@ -84,8 +86,10 @@ class Recorder:
         Raises
         ------
         RecordingError
-            With `lossless` only: it cannot be written.
+            There is no such topic; or, with `lossless`, it cannot be written.
         """
+        if topic not in TOPICS:
+            raise RecordingError(f"topic {one_of(topic, TOPICS)}")
         if self._thread is None:
             self._write(topic, payload, time_ns)
             return
@@ -139,6 +143,7 @@ class Recorder:
 
     def _work(self) -> None:
         """Write what waits, again and again, until closed."""
+        type_store()  # takes 0.1 s: now, and not while the first scans are worked on
         closing = False
         while not closing and self._failure is None:
             closing = self._closing.wait(self._settings.flush_s)

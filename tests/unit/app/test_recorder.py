@@ -92,6 +92,14 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
         Recorder(tmp_path / "file" / "bag", "wamv1", {})
 
 
+def test_a_topic_outside_the_table_is_refused_at_once(tmp_path):
+    with (
+        Recorder(tmp_path / "bag", "wamv1", {}) as recorder,
+        pytest.raises(RecordingError, match="'lidar' is not one of 'points'"),
+    ):
+        recorder.record("lidar", b"", 1)
+
+
 def test_a_disk_that_cannot_follow_costs_messages_but_no_time(tmp_path, monkeypatch):
     """The writer is held; `record` must come back and count what it could not keep."""
     free, write = threading.Event(), BagWriter.write
