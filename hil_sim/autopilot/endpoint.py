@@ -4,27 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from operator import attrgetter
+from pathlib import Path
 
 import numpy as np
 from msgspec import field
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.hil_sim.autopilot.commands import execute
-from twinscrew.hil_sim.autopilot.mixer import Calibration, in_uint16
-from twinscrew.hil_sim.autopilot.radio import CHANNELS, IGNORE, RELEASE
 from twinscrew.hil_sim.autopilot.rover import Rover, RoverSettings
+from twinscrew.hil_sim.autopilot.sticks import override_values, stick_values
 from twinscrew.hil_sim.autopilot.streams import Streams
 from twinscrew.hil_sim.autopilot.telemetry import TELLERS, Moment, Origin
 from twinscrew.runtime.errors import ConfigError, one_of
-from twinscrew.runtime.link.paddles import STICK_SPAN, PaddleSettings, thrust_from_pwm
-from twinscrew.runtime.link.signing import Signing
+from twinscrew.runtime.link.paddles import PaddleSettings, thrust_from_pwm
+from twinscrew.runtime.link.signing import Signing, read_key
 from twinscrew.runtime.link.wire import Message, Wire
 from twinscrew.runtime.messages.types import Float64, Odometry
 from twinscrew.runtime.settings import Positive, Settings
 
-_NOT_A_STICK = 32767
-"""MANUAL_CONTROL's word for an axis that is not there."""
 
 
 class RoverAutopilotSettings(Settings, frozen=True):
@@ -36,6 +33,8 @@ class RoverAutopilotSettings(Settings, frozen=True):
     """[s] Between two heartbeats."""
     streams_hz: dict[str, Positive] = field(default_factory=dict)
     """[Hz] Messages sent from the start, by name, as {"ATTITUDE" = 4}; the rest is on request."""
+    signing_key_file: str = ""
+    """File of the signing key, readable by its owner only; empty for no signing."""
 
 
 class RoverAutopilot:
@@ -48,7 +47,7 @@ class RoverAutopilot:
     boot_s
         [s] When it was switched on, in the caller's time.
     signing
-        Sign, and refuse what is not signed with the same key; None for neither.
+        Overrides `signing_key_file`; for tests that bring their own clock.
     """
 
     def __init__(
@@ -60,6 +59,8 @@ class RoverAutopilot:
         boot_s: float = 0.0,
         signing: Signing | None = None,
     ) -> None:
+        if signing is None and settings.signing_key_file:
+            signing = Signing(read_key(Path(settings.signing_key_file)))
         self.rover = Rover(settings.rover, system_id, boot_s)
         wanted = {_message_id(name): 1.0 / hz for name, hz in settings.streams_hz.items()}
         self.streams = Streams({mavlink.MAVLINK_MSG_ID_HEARTBEAT: settings.heartbeat_s} | wanted)
@@ -126,23 +127,11 @@ class RoverAutopilot:
         return target in (0, self._system_id)
 
     def _on_override(self, message: Message) -> None:
-        self.rover.override(_channels(message), message.get_srcSystem(), self._now_s)
+        self.rover.override(override_values(message), message.get_srcSystem(), self._now_s)
 
     def _on_manual_control(self, message: Message) -> None:
-        values = [IGNORE] * CHANNELS
-        for name, stick in (("RCMAP_ROLL", message.y), ("RCMAP_THROTTLE", message.z)):
-            channel = int(self.rover.parameters[name])
-            if 1 <= channel <= CHANNELS:
-                values[channel - 1] = self._pulse(channel, stick)
+        values = stick_values(message, self.rover.parameters)
         self.rover.override(values, message.get_srcSystem(), self._now_s)
-
-    def _pulse(self, channel: int, stick: int) -> int:
-        if stick == _NOT_A_STICK:
-            return RELEASE  # read in its sources: an axis that is not there gives its channel back
-        calibration = Calibration.of("RC", channel, self.rover.parameters)
-        within = max(-STICK_SPAN, min(STICK_SPAN, stick)) / STICK_SPAN
-        low, high = calibration.low, calibration.high
-        return in_uint16(low + (high - low) * (within + 1.0) / 2.0)
 
     def _on_command_long(self, message: Message) -> None:
         params = [getattr(message, f"param{n}") for n in range(1, 8)]
@@ -170,18 +159,7 @@ class RoverAutopilot:
     def _on_request_data_stream(self, message: Message) -> None:
         rate_hz = message.req_message_rate if message.start_stop else 0
         for message_id in TELLERS:
-            if message_id not in _NOT_STREAMED:
-                self.streams.every(message_id, 1.0 / rate_hz if rate_hz else None)
-
-    def _on_timesync(self, message: Message) -> None:
-        if message.tc1 == 0:  # a question; anything else is an answer
-            boot_ns = round((self._now_s - self.rover.boot_s) * 1e9)
-            self._replies.append(mavlink.MAVLink_timesync_message(boot_ns, message.ts1))
-
-
-_channels = attrgetter(*(f"chan{n}_raw" for n in range(1, 17)))
-"""The sixteen values [us] of RC_CHANNELS_OVERRIDE that the radio has channels for."""
-_NOT_STREAMED = (
+            if message_id not in _NOT_STREAMED = (
     mavlink.MAVLINK_MSG_ID_HEARTBEAT,
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
 )

@@ -287,3 +287,15 @@ def test_an_autopilot_that_starts_again_is_asked_for_its_streams_but_not_armed()
     boat.link.ask_again()
     boat.sail(2.0)
     assert boat.autopilot.thrust_command_N().tolist() == [400.0, 400.0]
+
+
+@pytest.mark.parametrize("same", [True, False])
+def test_both_ends_may_read_their_key_from_a_file(tmp_path, same):
+    ours, theirs = tmp_path / "ours", tmp_path / "theirs"
+    for path, key in ((ours, KEY), (theirs, KEY if same else bytes(32))):
+        path.write_bytes(key)
+        path.chmod(0o600)
+    boat = Boat(signing_key_file=str(ours))
+    pilot = RoverAutopilotSettings(signing_key_file=str(theirs))
+    boat.autopilot = RoverAutopilot(pilot, 1)
+    assert boat.sail(2.0).link.status.engaged is same
