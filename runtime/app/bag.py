@@ -17,8 +17,9 @@ from typing import Any, BinaryIO, Final, Literal
 
 from mcap.writer import CompressionType, Writer
 
+from twinscrew.runtime.app.bag_metadata import FileContents, metadata_yaml
 from twinscrew.runtime.errors import RecordingError
-from twinscrew.runtime.messages.definitions import definition, type_hash
+from twinscrew.runtime.messages.definitions import definition
 from twinscrew.runtime.messages.topics import TOPICS, ros_name
 from twinscrew.runtime.settings import Count, Positive, Settings
 
@@ -55,10 +56,8 @@ class _File:
     path: Path
     stream: BinaryIO
     writer: Writer
+    contents: FileContents
     channels: dict[str, int] = field(default_factory=dict)
-    counts: dict[str, int] = field(default_factory=dict)
-    first_ns: int = 0
-    last_ns: int = 0
 
 
 class BagWriter:
@@ -101,17 +100,16 @@ class BagWriter:
         """Add a message; times are made strictly increasing, so that the order is kept."""
         time_ns = max(time_ns, self._last_ns + 1)
         self._last_ns = time_ns
-        file = self._file
-        if file.counts and self._is_full(file, time_ns):
-            self._finish(file)
+        if self._is_full(self._file, time_ns):
+            self._finish(self._file)
             self._keep_quota()
-            file = self._file = self._open()
-        if not file.counts:
-            file.first_ns = time_ns
-        file.last_ns = time_ns
+            self._file = self._open()
+        file, contents = self._file, self._file.contents
         channel = file.channels.get(topic) or self._add_channel(file, topic)
-        file.counts[topic] += 1
-        file.writer.add_message(channel, time_ns, payload, time_ns, file.counts[topic])
+        contents.first_ns = contents.first_ns or time_ns
+        contents.last_ns = time_ns
+        contents.counts[topic] += 1
+        file.writer.add_message(channel, time_ns, payload, time_ns, contents.counts[topic])
 
     def flush(self) -> None:
         """Hand everything of finished chunks to the system."""
@@ -138,7 +136,7 @@ class BagWriter:
         )
         writer.start(profile="ros2", library="twinscrew")
         writer.add_metadata(METADATA_RECORD, self._metadata)
-        return _File(path, stream, writer)
+        return _File(path, stream, writer, FileContents(path.name))
 
     def _add_channel(self, file: _File, topic: str) -> int:
         ros_type = TOPICS[topic].ros_type
@@ -147,11 +145,11 @@ class BagWriter:
         qos = {"offered_qos_profiles": ""}
         channel = file.writer.register_channel(self._names[topic], "cdr", schema, qos)
         file.channels[topic] = channel
-        file.counts[topic] = 0
         return channel
 
     def _is_full(self, file: _File, time_ns: int) -> bool:
-        old = time_ns - file.first_ns > self._settings.rotate_s * 1e9
+        first_ns = file.contents.first_ns or time_ns
+        old = time_ns - first_ns > self._settings.rotate_s * 1e9
         return old or file.stream.tell() > self._settings.rotate_mb * 1e6
 
     def _finish(self, file: _File) -> None:
@@ -166,52 +164,8 @@ class BagWriter:
             sizes.pop(0)
 
     def _write_metadata_file(self) -> None:
-        # JSON is YAML: rosbag2 reads this file.
-        text = json.dumps({"rosbag2_bagfile_information": self._information()}, indent=1)
+        contents = [file.contents for file in self._closed]
         temporary = self._path / f"{METADATA_FILE}.tmp"
-        temporary.write_text(text + "\n", encoding="utf-8")
+        text = metadata_yaml(contents, self._names, self._metadata)
+        temporary.write_text(text, encoding="utf-8")
         temporary.replace(self._path / METADATA_FILE)
-
-    def _information(self) -> dict[str, Any]:
-        files = [_span(file) | {"path": file.path.name} for file in self._closed]
-        counts = {
-            topic: sum(file.counts.get(topic, 0) for file in self._closed)
-            for topic in TOPICS
-            if any(topic in file.counts for file in self._closed)
-        }
-        first, last = self._closed[0], self._closed[-1]
-        whole = _File(first.path, first.stream, first.writer, {}, counts, first.first_ns)
-        whole.last_ns = last.last_ns
-        return {
-            "version": 9,
-            "storage_identifier": "mcap",
-            "relative_file_paths": [file.path.name for file in self._closed],
-            **_span(whole),
-            "topics_with_message_count": [
-                {"topic_metadata": self._topic_metadata(topic), "message_count": count}
-                for topic, count in counts.items()
-            ],
-            "compression_format": "",
-            "compression_mode": "",
-            "files": files,
-            "custom_data": self._metadata,
-            "ros_distro": "jazzy",
-        }
-
-    def _topic_metadata(self, topic: str) -> dict[str, Any]:
-        return {
-            "name": self._names[topic],
-            "type": TOPICS[topic].ros_type,
-            "serialization_format": "cdr",
-            "offered_qos_profiles": [],
-            "type_description_hash": type_hash(TOPICS[topic].ros_type),
-        }
-
-
-def _span(file: _File) -> dict[str, Any]:
-    """Give what rosbag2 wants to know of a file's messages."""
-    return {
-        "starting_time": {"nanoseconds_since_epoch": file.first_ns},
-        "duration": {"nanoseconds": file.last_ns - file.first_ns},
-        "message_count": sum(file.counts.values()),
-    }

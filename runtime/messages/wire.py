@@ -18,11 +18,10 @@ from twinscrew.runtime.errors import MessageError
 HEADER: Final = b"\x00\x01\x00\x00"
 """Little endian, no options: what ROS 2 writes."""
 HEADER_SIZE: Final = len(HEADER)
-T = TypeVar("T", bound=np.generic)
-
 MAX_PADDING: Final = 3
 """[B] A payload may be padded to a multiple of four (DDS-XTypes 1.3, 7.6.3.1.2)."""
 
+T = TypeVar("T", bound=np.generic)
 ByteOrder: TypeAlias = Literal["<", ">"]
 
 _ORDERS: Final[dict[bytes, ByteOrder]] = {b"\x00\x00": ">", b"\x00\x01": "<"}
