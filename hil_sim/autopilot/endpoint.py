@@ -23,7 +23,6 @@ from twinscrew.runtime.messages.types import Float64, Odometry
 from twinscrew.runtime.settings import Positive, Settings
 
 
-
 class RoverAutopilotSettings(Settings, frozen=True):
     """The simulated autopilot."""
 
@@ -159,7 +158,16 @@ class RoverAutopilot:
     def _on_request_data_stream(self, message: Message) -> None:
         rate_hz = message.req_message_rate if message.start_stop else 0
         for message_id in TELLERS:
-            if message_id not in _NOT_STREAMED = (
+            if message_id not in _NOT_STREAMED:
+                self.streams.every(message_id, 1.0 / rate_hz if rate_hz else None)
+
+    def _on_timesync(self, message: Message) -> None:
+        if message.tc1 == 0:  # a question; anything else is an answer
+            boot_ns = round((self._now_s - self.rover.boot_s) * 1e9)
+            self._replies.append(mavlink.MAVLink_timesync_message(boot_ns, message.ts1))
+
+
+_NOT_STREAMED = (
     mavlink.MAVLINK_MSG_ID_HEARTBEAT,
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
 )
