@@ -61,6 +61,7 @@ class Dynamics:
         self.headings = np.zeros((substeps + 1, vessels))
         """[rad] (S + 1, N)"""
         self._nu = np.zeros((substeps + 1, 3, vessels))
+        self._over_ground = np.empty((substeps, 2, vessels))
         self._products = np.empty((3, vessels))
         self._factor = np.empty((3, vessels))
 
@@ -107,11 +108,17 @@ class Dynamics:
     def _follow(self, position: Float64, heading: Float64) -> None:
         """Sum up headings and places: by the heading before, the velocity after each sub-step."""
         moved = self._nu[1:] * self.coefficients.dt
-        self.headings[0], self.trajectory[0] = heading, position
-        np.cumsum(moved[:, 2], axis=0, out=self.headings[1:])
-        self.headings[1:] += heading
+        _sum_up(self.headings, heading, moved[:, 2])
         cosine, sine = np.cos(self.headings[:-1]), np.sin(self.headings[:-1])
         surge, sway = moved[:, 0], moved[:, 1]
-        np.cumsum(cosine * surge - sine * sway, axis=0, out=self.trajectory[1:, 0])
-        np.cumsum(sine * surge + cosine * sway, axis=0, out=self.trajectory[1:, 1])
-        self.trajectory[1:] += position
+        over_ground = self._over_ground
+        np.subtract(cosine * surge, sine * sway, out=over_ground[:, 0])
+        np.add(sine * surge, cosine * sway, out=over_ground[:, 1])
+        _sum_up(self.trajectory, position, over_ground)
+
+
+def _sum_up(into: Float64, start: Float64, changes: Float64) -> None:
+    """Write the start and every partial sum; row by row, for rows are long and few."""
+    into[0] = start
+    for before, change, after in zip(into[:-1], changes, into[1:], strict=True):
+        np.add(before, change, out=after)

@@ -42,6 +42,8 @@ from twinscrew.training.streams import Stream, episode_stream, slot_stream
 
 Mask = NDArray[np.bool_]
 
+AHEAD = 16
+"""[-] Episodes that are drawn ahead for a slot: many at a time cost little each."""
 RATE_LIMIT = 1000.0
 """[N/s] The rate of change of thrust that an action of 1 asks for (paper, sec. V)."""
 
@@ -154,7 +156,7 @@ class VectorEnv:
         self.vessels, self.buoys = settings.shape
         self._slots = range(first_slot, first_slot + episodes)
         self.set_weights([row.weight for row in settings.scenarios])
-        self._pool = Pool(self._begin, episodes, 8 if auto_reset else 1)
+        self._pool = Pool(self._begin, episodes, AHEAD if auto_reset else 1)
         self._allocate()
 
     @property
@@ -364,8 +366,7 @@ class VectorEnv:
         ]
         row = np.searchsorted(self._cumulative, [g.random() for g in generators], side="right")
         scenario = scenarios.sample(s.scenarios, row, s.map, generators, (vessels, buoys))
-        noises = [draw(s.noise, g, (vessels, vessels + buoys)) for g in generators]
-        noise = type(noises[0])(*(np.stack(part) for part in zip(*noises, strict=True)))
+        noise = draw(s.noise, generators, (vessels, vessels + buoys))
         heading = np.exp(1j * scenario.heading)
         things = Things(
             position=np.concatenate([scenario.start, scenario.buoy], axis=1),

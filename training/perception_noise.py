@@ -52,24 +52,28 @@ class Noise(NamedTuple):
     """(E, V, O) [-] Factor of the true radius."""
 
 
-def draw(settings: NoiseSettings, generator: Generator, shape: tuple[int, ...]) -> Noise:
-    """Draw noise of a shape."""
+def draw(
+    settings: NoiseSettings, generators: Sequence[Generator], shape: tuple[int, ...], axis: int = 0
+) -> Noise:
+    """Draw noise of a shape from each generator, stacked along an axis."""
     if settings.perfect:
-        zero = np.zeros(shape, np.complex64)
-        return Noise(zero, zero, np.ones(shape, np.float32))
-    quantile = generator.integers(0, QUANTILES, (5, *shape), dtype=np.uint16)
-    normal = normal_values()[quantile[:4]]
-    position, velocity = normal[0::2] + 1j * normal[1::2]
-    position *= np.float32(settings.position_m)
-    velocity *= np.float32(settings.velocity_mps)
-    factors = radius_factors(settings.radius_mean, settings.radius_kappa)
-    return Noise(position, velocity, factors[quantile[4]])
+        full = (*shape[:axis], len(generators), *shape[axis:])
+        zero = np.zeros(full, np.complex64)
+        return Noise(zero, zero, np.ones(full, np.float32))
+    bins = [g.integers(0, QUANTILES, (*shape, 5), dtype=np.uint16) for g in generators]
+    bin_ = np.stack(bins, axis=axis)
+    return Noise(
+        normal_values(settings.position_m)[bin_[..., 0:2]].view(np.complex64)[..., 0],
+        normal_values(settings.velocity_mps)[bin_[..., 2:4]].view(np.complex64)[..., 0],
+        radius_factors(settings.radius_mean, settings.radius_kappa)[bin_[..., 4]],
+    )
 
 
-@lru_cache(maxsize=1)
-def normal_values() -> Float32:
-    """Give the standard normal distribution as `QUANTILES` equally likely values."""
-    return norm.ppf(_PROBABILITY).astype(np.float32)
+@lru_cache(maxsize=8)
+def normal_values(deviation: float) -> Float32:
+    """Give a centred normal distribution as `QUANTILES` equally likely values."""
+    values: Float32 = (deviation * norm.ppf(_PROBABILITY)).astype(np.float32)
+    return values
 
 
 @lru_cache(maxsize=8)
@@ -103,7 +107,6 @@ class NoiseBank:
     def next(self) -> Noise:
         """Give the noise of the next decision, (E, V, O)."""
         if not self._noise:
-            draws = [draw(self.settings, g, self._shape) for g in self._generators]
-            stacked = Noise(*(np.stack(part, axis=1) for part in zip(*draws, strict=True)))
-            self._noise = [Noise(*rows) for rows in zip(*stacked, strict=True)][::-1]
+            ahead = draw(self.settings, self._generators, self._shape, axis=1)
+            self._noise = [Noise(*rows) for rows in zip(*ahead, strict=True)][::-1]
         return self._noise.pop()

@@ -22,9 +22,9 @@ from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings
 Points = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 
-CANDIDATES = 64
+CANDIDATES = 32
 """[-] Drawn at a time for one vessel or buoy."""
-ROUNDS = 16
+ROUNDS = 32
 """[-] So many times, before the whole episode is drawn anew."""
 REDRAWS = 8
 """[-] So many times, before the request counts as impossible."""

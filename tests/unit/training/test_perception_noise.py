@@ -12,11 +12,11 @@ from twinscrew.training.streams import Stream, slot_stream
 
 def test_position_and_velocity_noise_are_normal_with_their_deviations() -> None:
     settings = NoiseSettings(position_m=0.05, velocity_mps=0.2)
-    noise = draw(settings, np.random.default_rng(0), (20_000,))
-    for values, deviation in ((noise.position, 0.05), (noise.velocity, 0.2)):
+    noise = draw(settings, [np.random.default_rng(0)], (20_000,))
+    for values, deviation in ((noise.position[0], 0.05), (noise.velocity[0], 0.2)):
         for part in (values.real, values.imag):
             assert kstest(part, norm(scale=deviation).cdf).pvalue > 0.001
-    assert abs(np.corrcoef(noise.position.real, noise.position.imag)[0, 1]) < 0.03
+    assert abs(np.corrcoef(noise.position[0].real, noise.position[0].imag)[0, 1]) < 0.03
 
 
 @pytest.mark.parametrize("kappa", [0.5, 1.0, 4.0])
@@ -35,7 +35,7 @@ def test_a_concentration_of_zero_is_uniform() -> None:
 
 
 def test_perfect_perception_has_no_noise() -> None:
-    noise = draw(NoiseSettings(perfect=True), np.random.default_rng(0), (5,))
+    noise = draw(NoiseSettings(perfect=True), [np.random.default_rng(0)], (5,))
     assert not noise.position.any()
     assert not noise.velocity.any()
     assert (noise.radius == 1.0).all()
