@@ -79,18 +79,22 @@ def encode_point_cloud(cloud: PointCloud) -> bytes:
     if any(len(values) != count for values in columns.values()):
         raise MessageError(f"{POINT_CLOUD_TYPE}: its arrays differ in length")
     fields = (*_XYZ, *(_EXTRAS[name] for name in columns))
-    points = np.zeros(count, _record(fields))
-    np.multiply(cloud.points_S, _FLU, out=points["xyz"])
-    for name, values in columns.items():
-        points[name] = values
+    record = _record(fields)
+    size = count * record.itemsize
     writer = Writer()
     write_header(writer, cloud.stamp_ns, cloud.frame_id or LIDAR_FRAME)
     writer.values("2I", 4, 1, count)
     _write_fields(writer, fields)
-    writer.values("?3x2I", 4, False, points.itemsize, points.nbytes)
-    writer.octets(points.tobytes())
-    writer.values("?", 1, False)  # it may hold NaN: not dense
-    return writer.payload()
+    writer.values("?3x3I", 4, False, record.itemsize, size, size)
+    head = writer.payload()
+    # The points are written where they will be sent from. What follows them is `is_dense`: False.
+    payload = np.zeros(len(head) + size + 1, np.uint8)
+    payload[: len(head)] = np.frombuffer(head, np.uint8)
+    points = payload[len(head) : -1].view(record)
+    np.multiply(cloud.points_S, _FLU, out=points["xyz"])
+    for name, values in columns.items():
+        points[name] = values
+    return payload.tobytes()
 
 
 @lru_cache
