@@ -84,6 +84,8 @@ class Conditions:
 
     def begin(self, slots: NDArray[np.intp], chance: Float64) -> None:
         """Draw the conditions of new episodes from uniform numbers, (n, V + 1, CHANCES)."""
+        if not (self._varied or self.settings.forces):
+            return
         s, all_, each = self.settings, chance[:, -1], chance[:, :-1]
         speed = _between(s.wind_mps, all_[:, 0])
         self._wind[slots] = (speed * np.exp(2j * np.pi * all_[:, 1]))[:, None]

@@ -45,8 +45,9 @@ def between_vessels(trajectory: Float64, strayed: Float64, there: Mask, radius: 
     touched = np.zeros(there.shape, bool)
     one, other = _pairs(there.shape[1])
     x, y = trajectory[0]
-    apart = np.hypot(x[:, one] - x[:, other], y[:, one] - y[:, other])
-    near = apart < 2 * radius + strayed[:, one] + strayed[:, other]
+    north, east = x[:, one] - x[:, other], y[:, one] - y[:, other]
+    reach = 2 * radius + strayed[:, one] + strayed[:, other]
+    near = north * north + east * east < reach * reach
     near &= there[:, one] & there[:, other]
     episode, pair = np.nonzero(near)
     if episode.size:
@@ -72,8 +73,9 @@ def with_buoys(
     if not buoy.shape[1]:
         return touched
     x, y = trajectory[0][..., None]
-    apart = np.hypot(x - buoy.real[:, None], y - buoy.imag[:, None])
-    near = apart < (radius + buoy_radius + strayed)[..., None]
+    north, east = x - buoy.real[:, None], y - buoy.imag[:, None]
+    reach = (radius + buoy_radius + strayed)[..., None]
+    near = north * north + east * east < reach * reach
     near &= there[..., None] & buoy_there[:, None]
     episode, vessel, which = np.nonzero(near)
     if episode.size:

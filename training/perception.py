@@ -114,7 +114,9 @@ def see_objects(
         distance = np.abs(p)
     turn = heading.conj().astype(np.complex64)[..., None]
     p, v = p * turn, v * turn
-    features = np.stack([p.real, p.imag, v.real, v.imag, radius], axis=-1)
+    features = np.empty((*p.shape, 5), np.float32)
+    for column, part in enumerate((p.real, p.imag, v.real, v.imag, radius)):
+        features[..., column] = part
     surface = np.where(seen, distance - radius, np.float32(np.inf))
     return _nearest(features, surface, most)
 
@@ -127,7 +129,8 @@ def _nearest(features: Float32, surface: Float32, most: int) -> tuple[Float32, F
     mask = np.zeros((episodes, vessels, most), np.float32)
     objects = np.zeros((episodes, vessels, most, 5), np.float32)
     kept = order.shape[-1]
-    mask[..., :kept] = surface.reshape(-1)[rows] < np.inf
-    objects[..., :kept, :] = features.reshape(-1, 5)[rows]
-    objects[mask == 0.0] = 0.0
+    mask[..., :kept] = surface.reshape(-1).take(rows) < np.inf
+    objects[..., :kept, :] = features.reshape(-1, 5).take(rows, axis=0)
+    objects *= mask[..., None]
+    objects += 0.0  # and no negative zeros
     return objects, mask

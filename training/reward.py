@@ -96,9 +96,10 @@ def _checked(
 ) -> tuple[tuple[NDArray[np.intp], ...], Float64]:
     """Give where there is a COLREGs situation, and the object, (n, 5), it is with."""
     rules = settings.rules
-    speed = np.hypot(objects[..., 2], objects[..., 3])
-    candidate = (mask > 0) & (speed >= rules.min_speed_mps)
-    candidate &= (np.hypot(v_ego[..., 0], v_ego[..., 1]) >= rules.min_speed_mps)[..., None]
+    slow = rules.min_speed_mps**2
+    candidate = np.square(objects[..., 2]) + np.square(objects[..., 3]) >= slow
+    candidate &= mask > 0
+    candidate &= (np.square(v_ego).sum(axis=-1) >= slow)[..., None]
     if settings.which == "closest":  # nearest first: the first moving object of each vessel
         episode, vessel = np.nonzero(candidate.any(axis=-1))
         k = candidate.argmax(axis=-1)[episode, vessel]
