@@ -7,7 +7,7 @@ from pathlib import Path
 from twinscrew.runtime.errors import ConfigError, PolicyError
 from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.policy.metadata import PolicyExpectation
-from twinscrew.runtime.settings import shipped
+from twinscrew.runtime.settings import load, shipped
 
 
 def load_policy(spec: str | Path, expect: PolicyExpectation | None = None) -> Policy:
@@ -27,13 +27,13 @@ def load_policy(spec: str | Path, expect: PolicyExpectation | None = None) -> Po
     """
     # What is not used is not imported: a baseline needs no ONNX Runtime.
     if spec == "apf":
-        from twinscrew.runtime.policy.apf import ApfPolicy
+        from twinscrew.runtime.policy.apf import ApfPolicy, ApfSettings
 
-        return ApfPolicy()
+        return ApfPolicy(load(shipped("experiments", "apf"), ApfSettings))
     if spec == "mpc":
-        from twinscrew.runtime.policy.mpc import MpcPolicy
+        from twinscrew.runtime.policy.mpc import MpcPolicy, MpcSettings
 
-        return MpcPolicy()
+        return MpcPolicy(load(shipped("experiments", "mpc"), MpcSettings))
     try:
         path = shipped("policies", spec, ".onnx")
     except ConfigError as error:
