@@ -8,7 +8,7 @@ bytes, and messages to publish, go out.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from twinscrew.runtime.app.core import Core, Outcome
 from twinscrew.runtime.app.health import Facts, Health, State
@@ -61,7 +61,6 @@ class Controller:
         self._disobeyed_until_s = -math.inf
         self._engaged = False
         self._fault = False
-        self._stamp_ns = 0
 
     @property
     def state(self) -> State:
@@ -70,8 +69,8 @@ class Controller:
 
     @property
     def stamp_ns(self) -> int:
-        """[ns] The newest stamp seen: what the core's time is."""
-        return self._stamp_ns
+        """[ns] The core's time, by the stamps of what it took in."""
+        return self.core.latest_ns
 
     @property
     def engaged(self) -> bool:
@@ -82,15 +81,18 @@ class Controller:
         """Feed one message of a core input topic to the core; never raises on its content."""
         outcome = self._feed(topic, payload)
         if outcome.stamp_ns is not None:
-            self._stamp_ns = max(self._stamp_ns, outcome.stamp_ns)
             self._watchdog.seen(topic, outcome.stamp_ns, now_s)
         events = outcome.events
         if outcome.decision is not None:
             self.decision = outcome.decision
             events += outcome.decision.events
             self._fault = any(event.name in FAULTS for event in events)
-        self.health.note(events, now_s)
+        self.note(events, now_s)
         return Handled(outcome.decision, events)
+
+    def note(self, events: tuple[HealthEvent, ...], now_s: float) -> None:
+        """Let the vessel's state follow from events; the loop notes its own here."""
+        self.health.note(events, now_s)
 
     def from_autopilot(self, data: bytes, now_s: float) -> None:
         """Take in bytes that came from the autopilot."""
@@ -108,21 +110,22 @@ class Controller:
         events
             What an operator should know.
         """
-        events = [*self._watchdog.check(now_s, self._stamp_ns), *self.link.events(now_s)]
-        self.health.note(tuple(events), now_s)
-        change = self.health.step(self._facts(now_s), self._stamp_ns)
+        said = [replace(event, stamp_ns=self.stamp_ns) for event in self.link.events(now_s)]
+        events = [*self._watchdog.check(now_s, self.stamp_ns), *said]
+        self.note(tuple(events), now_s)
+        change = self.health.step(self._facts(now_s), self.stamp_ns)
         if change:
             events.append(change)
         engaged = self._may_drive(now_s) and not self._watchdog.stale
         if engaged == self._engaged:
             return None, tuple(events)
         self._engaged = engaged
-        message = Engagement(stamp_ns=self._stamp_ns, engaged=engaged)
+        message = Engagement(stamp_ns=self.stamp_ns, engaged=engaged)
         return cdr.encode_engagement(message), tuple(events)
 
     def command(self, now_s: float) -> bytes:
         """Give the MAVLink bytes to send now: the thrust, and what the link has to say."""
-        thrust, _ = self._guard.check(self.thrust, self._stamp_ns)
+        thrust, _ = self._guard.check(self.thrust, self.stamp_ns)
         wanted = None if self.state is State.READY and not self._has_goal else thrust
         return self.link.command(wanted, now_s) + self.link.tick(now_s)
 
@@ -151,7 +154,7 @@ class Controller:
         except Exception as error:  # a fault of ours must stop the boat, not the loop
             detail = f"{topic}: {type(error).__name__}: {error}"
         self._fault = True
-        return Outcome(events=(INTERNAL_ERROR.at(self._stamp_ns, detail),))
+        return Outcome(events=(INTERNAL_ERROR.at(self.stamp_ns, detail),))
 
     def _may_drive(self, now_s: float) -> bool:
         status = self.link.status

@@ -44,7 +44,7 @@ class Outcome:
     """What came of one payload."""
 
     stamp_ns: int | None = None
-    """[ns] The message's stamp; None if it could not be read."""
+    """[ns] The message's stamp; None if it could not be read, or not be used."""
     decision: Decision | None = None
     """The decision, if the message was a scan that could be used."""
     events: tuple[HealthEvent, ...] = ()
@@ -70,6 +70,11 @@ class Core:
             "engagement": lambda payload: self._engage(cdr.decode_engagement(payload)),
         }
 
+    @property
+    def latest_ns(self) -> int:
+        """[ns] The stamp of the last scan or odometry that was in order: what time it is."""
+        return self._latest_ns
+
     def feed(self, topic: str, payload: bytes) -> Outcome:
         """Take in one message of a core input topic; never raises on what the bytes hold."""
         try:
@@ -89,16 +94,16 @@ class Core:
         arrival = self._odometry.add(odometry)
         events: tuple[HealthEvent, ...] = ()
         if arrival is Arrival.OLD:
-            events = (OUT_OF_ORDER.at(self._latest_ns, f"odometry of {stamp_ns} ns"),)
-        elif arrival is Arrival.CLOCK_BACK:
+            late = OUT_OF_ORDER.at(self._latest_ns, f"odometry of {stamp_ns} ns")
+            return Outcome(events=(late,))
+        if arrival is Arrival.CLOCK_BACK:
             events = (self._restart("odometry", stamp_ns),)
         elif arrival is Arrival.JUMP:
             self.pipeline.reset()
             self._distrust_until_ns = stamp_ns + JUMP_DISTRUST_NS
             north, east = odometry.position_N[:2]
             events = (ODOMETRY_JUMP.at(stamp_ns, f"to north {north:.1f} m, east {east:.1f} m"),)
-        if arrival is not Arrival.OLD:
-            self._latest_ns = stamp_ns
+        self._latest_ns = stamp_ns
         return Outcome(stamp_ns=stamp_ns, events=events)
 
     def _scan(self, cloud: PointCloud) -> Outcome:
@@ -107,14 +112,14 @@ class Core:
         if self._last_scan_ns is not None and stamp_ns <= self._last_scan_ns:
             if seconds_between(stamp_ns, self._last_scan_ns) <= self._clock_back_s:
                 late = OUT_OF_ORDER.at(self._latest_ns, f"scan of {stamp_ns} ns")
-                return Outcome(stamp_ns=stamp_ns, events=(late,))
+                return Outcome(events=(late,))
             self._odometry.clear()
             events = (self._restart("points", stamp_ns),)
         self._last_scan_ns = self._latest_ns = stamp_ns
         odometry = self._odometry.at(stamp_ns)
         if odometry is None:
             missing = ODOMETRY_MISSING.at(stamp_ns)
-            return Outcome(stamp_ns=stamp_ns, events=(*events, missing))
+            return Outcome(events=(*events, missing))
         decision = self.pipeline.step(
             cloud, odometry, engaged=self._engaged and self._trusts(stamp_ns)
         )

@@ -18,7 +18,8 @@ from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.errors import LinkError
 from twinscrew.runtime.link.transport import Transport
-from twinscrew.runtime.safety.events import LINK_DOWN, OVERRUN
+from twinscrew.runtime.messages.types import HealthEvent
+from twinscrew.runtime.safety.events import LINK_DOWN, OVERRUN, RECORDER
 
 NANOSECONDS_PER_MS = 1e6
 OVERRUN_MS = 100.0
@@ -84,6 +85,7 @@ class Loop:
         self._send(self._controller.command(now_s))
         self._outlet.happened(events)
         self._outlet.thrust(self._controller.thrust)
+        self._look_at_the_recorder()
 
     def _keep_time(self, now_s: float) -> None:
         self._next_tick_s += self._period_s
@@ -98,7 +100,7 @@ class Loop:
             self.wire_latencies.add((time.time_ns() - message.sent_ns) / NANOSECONDS_PER_MS)
         if latency_ms > OVERRUN_MS:
             self.overruns += 1
-            self._outlet.happened((OVERRUN.at(self._controller.stamp_ns, f"{latency_ms:.0f} ms"),))
+            self._happened(OVERRUN.at(self._controller.stamp_ns, f"{latency_ms:.0f} ms"))
 
     def _receive(self) -> bytes:
         try:
@@ -116,4 +118,13 @@ class Loop:
     def _down(self, error: LinkError) -> None:
         if not self._link_is_down:
             self._link_is_down = True
-            self._outlet.happened((LINK_DOWN.at(self._controller.stamp_ns, str(error)),))
+            self._happened(LINK_DOWN.at(self._controller.stamp_ns, str(error)))
+
+    def _look_at_the_recorder(self) -> None:
+        trouble = self._outlet.recorder_trouble()
+        if trouble is not None:
+            self._happened(RECORDER.at(self._controller.stamp_ns, trouble))
+
+    def _happened(self, event: HealthEvent) -> None:
+        self._controller.note((event,), self._clock())
+        self._outlet.happened((event,))

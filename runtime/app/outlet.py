@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.app.recording import DecisionHash
 from twinscrew.runtime.bus.base import Bus
+from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Decision, Float64, HealthEvent
 
@@ -38,6 +40,7 @@ class Outlet:
         self._vessel = vessel
         self._clock_ns = clock_ns
         self._hash = DecisionHash()
+        self._losses_told = 0
 
     @property
     def sha256(self) -> str:
@@ -74,8 +77,17 @@ class Outlet:
         self._tell("thrust_left", cdr.encode_thrust(left))
         self._tell("thrust_right", cdr.encode_thrust(right))
 
+    def recorder_trouble(self) -> str | None:
+        """Say what the recorder has lost: when it begins, and each time the loss has doubled."""
+        lost = self._recorder.dropped if self._recorder is not None else 0
+        if self._recorder is None or lost < max(1, 2 * self._losses_told):
+            return None
+        self._losses_told = lost
+        return f"{lost} messages lost: {self._recorder.failure or 'the disk cannot follow'}"
+
     def _tell(self, topic: str, payload: bytes) -> None:
         if self._bus is not None:
-            self._bus.publish(topic, payload)
+            with suppress(BusError):  # a broken bus must not stop the loop: it cannot be told by it
+                self._bus.publish(topic, payload)
         if self._recorder is not None:
             self._recorder.record(topic, payload, self._clock_ns())

@@ -6,8 +6,9 @@ from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND
 from twinscrew.runtime.messages.wire import Reader, Writer
 
-MAX_STAMP_NS = (2**31 - 1) * NANOSECONDS_PER_SECOND
-"""[ns] ROS 2 counts seconds in a signed number of 32 bits: until 2038."""
+MIN_STAMP_NS = -(2**31) * NANOSECONDS_PER_SECOND
+MAX_STAMP_NS = 2**31 * NANOSECONDS_PER_SECOND - 1
+"""[ns] ROS 2 counts seconds in a signed number of 32 bits: from 1901 until 2038."""
 
 WORLD_FRAME = "world"
 """The frame of positions that we publish: local, east-north-up (VRX's name)."""
@@ -27,7 +28,7 @@ def read_stamp(reader: Reader) -> int:
 
 def split_stamp(stamp_ns: int) -> tuple[int, int]:
     """Give a Time's seconds and nanoseconds; a `MessageError` before 1901 or after 2038."""
-    if abs(stamp_ns) > MAX_STAMP_NS:
+    if not MIN_STAMP_NS <= stamp_ns <= MAX_STAMP_NS:
         raise MessageError(f"{stamp_ns} ns is not a stamp that ROS 2 can write")
     return divmod(stamp_ns, NANOSECONDS_PER_SECOND)
 

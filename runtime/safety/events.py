@@ -35,7 +35,7 @@ def _error(name: str, meaning: str) -> EventKind:
     return EventKind(name, Severity.ERROR, meaning)
 
 
-LIDAR_STALE = _error("lidar_stale", "No new scan for too long: neutral thrust.")
+LIDAR_STALE = _error("lidar_stale", "No scan that can be used for too long: neutral thrust.")
 ODOMETRY_STALE = _error("odometry_stale", "No new odometry for too long: neutral thrust.")
 INPUT_RECOVERED = _info("input_recovered", "A stale input is fresh again.")
 ODOMETRY_JUMP = _error(
