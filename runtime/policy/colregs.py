@@ -50,6 +50,7 @@ class ColregsSettings(Settings, frozen=True):
 
 
 DEFAULT = ColregsSettings()
+_TINY = float(np.finfo(np.float32).tiny)
 
 
 def situation(
@@ -71,15 +72,16 @@ def situation(
     """
     dot = v_other[..., 0] * v_ego[..., 0] + v_other[..., 1] * v_ego[..., 1]
     cross = v_other[..., 0] * v_ego[..., 1] - v_other[..., 1] * v_ego[..., 0]
-    moving = (_speed(v_other) >= settings.min_speed_mps) & (_speed(v_ego) >= settings.min_speed_mps)
-    x, y = _ego_seen_by_other(p, v_other)
+    speed = np.hypot(v_other[..., 0], v_other[..., 1])
+    slower = np.minimum(speed, np.hypot(v_ego[..., 0], v_ego[..., 1]))
+    moving = slower >= settings.min_speed_mps
+    x, y = _ego_seen_by_other(p, v_other, speed)
     opposite = dot < -np.abs(cross)  # |angle(V_other -> V_ego)| > 3 pi / 4
     to_starboard = (cross >= np.abs(dot)) & (cross > 0)  # angle in [pi / 4, 3 pi / 4]
     head_on = moving & opposite & in_head_on_zone(x, y, settings)
     give_way = moving & to_starboard & in_crossing_zone(x, y, settings)
-    return (head_on * np.int8(Situation.HEAD_ON) + give_way * np.int8(Situation.GIVE_WAY)).astype(
-        np.int8
-    )
+    # The two exclude each other, and the values of `Situation` are 1 and 2.
+    return head_on.astype(np.int8) + 2 * give_way.astype(np.int8)
 
 
 def in_head_on_zone(
@@ -149,14 +151,9 @@ def starboard_turn(
     return turn
 
 
-def _speed(v: Float64) -> Float64:
-    speed: Float64 = np.hypot(v[..., 0], v[..., 1])
-    return speed
-
-
-def _ego_seen_by_other(p: Float64, v_other: Float64) -> tuple[Float64, Float64]:
+def _ego_seen_by_other(p: Float64, v_other: Float64, speed: Float64) -> tuple[Float64, Float64]:
     """Give the ego's position [m] in the other's frame with x along its velocity."""
-    speed = np.maximum(_speed(v_other), np.finfo(np.float32).tiny)
+    speed = np.maximum(speed, _TINY)
     x = -(p[..., 0] * v_other[..., 0] + p[..., 1] * v_other[..., 1]) / speed
     y = -(v_other[..., 0] * p[..., 1] - v_other[..., 1] * p[..., 0]) / speed
     return x, y
