@@ -36,6 +36,11 @@ class Motion:
         time_per_column: float,
     ) -> None: ...
 
+class FootprintRule:
+    def __init__(
+        self, length: float, beam: float, reach: float, least: float, points: int
+    ) -> None: ...
+
 class Counts:
     @property
     def points(self) -> int: ...
@@ -68,7 +73,9 @@ class Kernel:
         noise: float,
         bridged: int,
         reach: float,
-        merge_gap: float,
+        merge_across: float,
+        merge_along: float,
+        footprint: FootprintRule,
         least_points: int,
         longest: float,
         piece: float,

@@ -130,21 +130,27 @@ void bind_kernel(nb::module_& m) {
       .def_ro("water", &twinscrew::Counts::water)
       .def_ro("hidden", &twinscrew::Counts::hidden)
       .def_ro("used", &twinscrew::Counts::used);
+  nb::class_<twinscrew::FootprintRule>(m, "FootprintRule", "What may be put together.")
+      .def(nb::init<float, float, float, float, int>(), "length"_a, "beam"_a, "reach"_a, "least"_a,
+           "points"_a);
   nb::class_<Kernel>(m, "Kernel", "Perception on one core, with its memory kept between scans.")
       .def(
           "__init__",
           [](Kernel* self, const std::vector<double>& elevations, double first_azimuth,
              double azimuth_step, int columns, bool wraps, const twinscrew::Gates& gates,
-             double theta, double noise, int bridged, float reach, float merge_gap,
-             int least_points, float longest, float piece) {
+             double theta, double noise, int bridged, float reach, float merge_across,
+             float merge_along,
+             const twinscrew::FootprintRule& footprint, int least_points, float longest, float piece) {
             const twinscrew::Scanner scanner(elevations, first_azimuth, azimuth_step, columns,
                                              wraps);
             const twinscrew::CircleRules rules{least_points,   longest,        piece,
                                                gates.mask_hull, gates.hull_aft, gates.hull_fore};
-            new (self) Kernel(scanner, gates, {theta, noise, bridged}, reach, merge_gap, rules);
+            new (self) Kernel(scanner, gates, {theta, noise, bridged}, reach,
+                              {merge_across, merge_along}, footprint, rules);
           },
           nb::kw_only(), "elevations"_a, "first_azimuth"_a, "azimuth_step"_a, "columns"_a,
-          "wraps"_a, "gates"_a, "theta"_a, "noise"_a, "bridged"_a, "reach"_a, "merge_gap"_a,
+          "wraps"_a, "gates"_a, "theta"_a, "noise"_a, "bridged"_a, "reach"_a, "merge_across"_a,
+          "merge_along"_a, "footprint"_a,
           "least_points"_a, "longest"_a, "piece"_a)
       .def("project", &project, "points_S"_a, "intensity"_a.none(), "time"_a.none(), "R_BS"_a,
            "p_BS"_a, "R_LB"_a, "motion"_a.none())

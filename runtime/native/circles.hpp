@@ -4,9 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <numeric>
+#include <span>
 #include <vector>
 
+#include "groups.hpp"
 #include "patches.hpp"
 
 namespace twinscrew {
@@ -28,23 +29,17 @@ struct CircleRules {
 class Circles {
  public:
   Circles(const CircleRules& rules, std::size_t cells) : rules_(rules) {
-    for (auto* numbers : {&order_, &object_, &circle_of_}) numbers->reserve(cells);
+    circle_of_.reserve(cells);
     circles_.reserve(cells);
     outer_.reserve(cells);
   }
 
-  void operator()(const RangeImage& image, PatchMap& map) {
+  void operator()(const RangeImage& image, const PatchMap& map, Groups& groups) {
     circles_.clear();
-    const std::vector<Patch>& patches = map.patches();
-    circle_of_.assign(patches.size(), NONE);
-    sort_by_object(map);
-    for (auto begin = order_.begin(); begin != order_.end();) {
-      const std::int32_t object = object_[index(*begin)];
-      const auto end = std::find_if(
-          begin, order_.end(), [&](std::int32_t p) { return object_[index(p)] != object; });
-      const bool enough = points(patches, begin, end) >= rules_.least_points;
-      if (enough) cut(patches, begin, end, rules_.longest);
-      begin = end;
+    circle_of_.assign(map.patches().size(), NONE);
+    for (std::size_t group = 0; group < groups.size(); ++group) {
+      if (points(map.patches(), groups[group]) < rules_.least_points) continue;
+      cut(map.patches(), groups[group], rules_.longest);
     }
     measure(image, map);
   }
@@ -58,7 +53,7 @@ class Circles {
 
  private:
   static constexpr std::int32_t NONE = -1;
-  using Iterator = std::vector<std::int32_t>::iterator;
+  using Numbers = std::span<std::int32_t>;
 
   // Centroid and principal axis of some patches.
   struct Shape {
@@ -70,30 +65,18 @@ class Circles {
 
   static std::size_t index(std::int32_t i) { return static_cast<std::size_t>(i); }
 
-  void sort_by_object(PatchMap& map) {
-    const std::vector<Patch>& patches = map.patches();
-    object_.resize(patches.size());
-    order_.resize(patches.size());
-    for (std::size_t i = 0; i < patches.size(); ++i) object_[i] = map.object_of(patches[i]);
-    std::iota(order_.begin(), order_.end(), 0);
-    std::sort(order_.begin(), order_.end(), [&](std::int32_t a, std::int32_t b) {
-      const std::int32_t i = object_[index(a)], j = object_[index(b)];
-      return i != j ? i < j : a < b;
-    });
-  }
-
-  static std::int64_t points(const std::vector<Patch>& patches, Iterator begin, Iterator end) {
-    return std::accumulate(begin, end, std::int64_t{0}, [&](std::int64_t sum, std::int32_t p) {
-      return sum + patches[index(p)].count;
-    });
+  static std::int64_t points(const std::vector<Patch>& patches, Numbers numbers) {
+    std::int64_t sum = 0;
+    for (const std::int32_t p : numbers) sum += patches[index(p)].count;
+    return sum;
   }
 
   // Each patch weighs the same in the axis, or the near end of a quay would outweigh the far one.
-  static Shape shape(const std::vector<Patch>& patches, Iterator begin, Iterator end) {
+  static Shape shape(const std::vector<Patch>& patches, Numbers numbers) {
     double x = 0, y = 0, mx = 0, my = 0, mxx = 0, mxy = 0, myy = 0, count = 0;
-    const auto n = static_cast<double>(end - begin);
-    for (auto it = begin; it != end; ++it) {
-      const Patch& p = patches[index(*it)];
+    const auto n = static_cast<double>(numbers.size());
+    for (const std::int32_t i : numbers) {
+      const Patch& p = patches[index(i)];
       x += p.x_sum;
       y += p.y_sum;
       count += p.count;
@@ -102,8 +85,8 @@ class Circles {
     }
     mx /= n;
     my /= n;
-    for (auto it = begin; it != end; ++it) {
-      const Patch& p = patches[index(*it)];
+    for (const std::int32_t i : numbers) {
+      const Patch& p = patches[index(i)];
       const double dx = p.x_sum / p.count - mx, dy = p.y_sum / p.count - my;
       mxx += dx * dx;
       mxy += dx * dy;
@@ -111,8 +94,8 @@ class Circles {
     }
     const double angle = 0.5 * std::atan2(2.0 * mxy, mxx - myy);
     Shape s{x / count, y / count, std::cos(angle), std::sin(angle), 1e300, -1e300, 0.0};
-    for (auto it = begin; it != end; ++it) {
-      const Patch& p = patches[index(*it)];
+    for (const std::int32_t i : numbers) {
+      const Patch& p = patches[index(i)];
       const double half = 0.5 * (std::abs(s.axis_x) * (p.x_max - p.x_min) +
                                  std::abs(s.axis_y) * (p.y_max - p.y_min));
       const double middle = 0.5 * (s.axis_x * (double{p.x_min} + p.x_max) +
@@ -141,22 +124,23 @@ class Circles {
   }
 
   // Makes one circle, or halves the patches across their longest extent until each half fits.
-  void cut(const std::vector<Patch>& patches, Iterator begin, Iterator end, double longest) {
-    const Shape s = shape(patches, begin, end);
-    if (end - begin == 1 || (s.to - s.from <= longest && !holds_keel(s))) {
+  void cut(const std::vector<Patch>& patches, Numbers numbers, double longest) {
+    const Shape s = shape(patches, numbers);
+    if (numbers.size() == 1 || (s.to - s.from <= longest && !holds_keel(s))) {
       const auto number = static_cast<std::int32_t>(circles_.size());
-      for (auto it = begin; it != end; ++it) circle_of_[index(*it)] = number;
-      circles_.push_back({s.x, s.y, 0.0, points(patches, begin, end)});
+      for (const std::int32_t i : numbers) circle_of_[index(i)] = number;
+      circles_.push_back({s.x, s.y, 0.0, points(patches, numbers)});
       return;
     }
     const double middle = 0.5 * (s.from + s.to);
-    auto half = std::partition(begin, end, [&](std::int32_t i) {
+    const auto split = std::partition(numbers.begin(), numbers.end(), [&](std::int32_t i) {
       const Patch& p = patches[index(i)];
       return (p.x_sum * s.axis_x + p.y_sum * s.axis_y) / p.count < middle;
     });
-    if (half == begin || half == end) half = begin + (end - begin) / 2;
-    cut(patches, begin, half, rules_.piece);
-    cut(patches, half, end, rules_.piece);
+    auto half = static_cast<std::size_t>(split - numbers.begin());
+    if (half == 0 || half == numbers.size()) half = numbers.size() / 2;
+    cut(patches, numbers.first(half), rules_.piece);
+    cut(patches, numbers.subspan(half), rules_.piece);
   }
 
   bool holds_keel(const Shape& s) const {
@@ -191,8 +175,6 @@ class Circles {
   }
 
   CircleRules rules_;
-  std::vector<std::int32_t> order_;      // patches, those of one object together
-  std::vector<std::int32_t> object_;     // of each patch
   std::vector<std::int32_t> circle_of_;  // of each patch
   std::vector<std::uint8_t> outer_;      // of each patch: could it hold its circle's farthest echo?
   std::vector<Circle> circles_;

@@ -4,6 +4,8 @@
 #include <cstdint>
 
 #include "circles.hpp"
+#include "footprint.hpp"
+#include "groups.hpp"
 #include "patches.hpp"
 #include "projection.hpp"
 #include "range_image.hpp"
@@ -15,12 +17,14 @@ namespace twinscrew {
 class Kernel {
  public:
   Kernel(const Scanner& scanner, const Gates& gates, const Criterion& criterion, float reach,
-             float merge_gap, const CircleRules& rules)
+             const MergeRule& merge, const FootprintRule& footprint, const CircleRules& rules)
       : scanner_(scanner),
         image_(scanner.rows(), scanner.columns()),
-        projection_(scanner_, gates, Plane::of(reach, merge_gap)),
+        projection_(scanner_, gates, Plane::of(reach, merge.across)),
         segmentation_(scanner_, criterion),
-        patches_(Plane::of(reach, merge_gap), merge_gap, image_.size()),
+        patches_(Plane::of(reach, merge.across), merge, image_.size()),
+        groups_(image_.size()),
+        footprints_(footprint, image_.size()),
         circles_(rules, image_.size()) {}
   Kernel(const Kernel&) = delete;  // the stages refer to the scanner beside them
   Kernel& operator=(const Kernel&) = delete;
@@ -34,7 +38,9 @@ class Kernel {
 
   const std::vector<Circle>& objects() {
     patches_(image_, segmentation_.labels(), components_);
-    circles_(image_, patches_);
+    groups_(patches_);
+    for (int pass = 0; pass < PASSES && footprints_(groups_, patches_); ++pass) groups_(patches_);
+    circles_(image_, patches_, groups_);
     return circles_.circles();
   }
 
@@ -43,11 +49,15 @@ class Kernel {
   std::int32_t circle_of(std::size_t cell) const { return circles_.circle_of(patches_, cell); }
 
  private:
+  static constexpr int PASSES = 3;  // a vessel in more pieces than 2^3 is rare
+
   Scanner scanner_;
   RangeImage image_;
   Projection projection_;
   Segmentation segmentation_;
   PatchMap patches_;
+  Groups groups_;
+  Footprints footprints_;
   Circles circles_;
   std::int32_t components_ = 0;
 };

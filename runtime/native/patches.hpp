@@ -21,23 +21,39 @@ struct Patch {
   std::int32_t square;
 };
 
-// The least distance between two patches' bounds, squared.
-inline float distance2(const Patch& a, const Patch& b) {
-  const float dx = std::max({0.0F, a.x_min - b.x_max, b.x_min - a.x_max});
-  const float dy = std::max({0.0F, a.y_min - b.y_max, b.y_min - a.y_max});
-  return dx * dx + dy * dy;
+// How far apart two things of one object may be, seen from above: gaps across the line of sight are
+// real, gaps along it also come from grazing beams and from shadows.
+struct MergeRule {
+  float across, along;  // [m]
+};
+
+// From one patch's bounds to another's: the shortest vector's coordinate on one axis.
+inline float between(float a_min, float a_max, float b_min, float b_max) {
+  return b_min > a_max ? b_min - a_max : (b_max < a_min ? b_max - a_min : 0.0F);
 }
 
-// Sorts echoes into squares, and unites the fragments that come within `gap` of each other.
+// Is b within an ellipse about a, whose long axis points to the vessel?
+inline bool near(const Patch& a, const Patch& b, const MergeRule& rule) {
+  const float dx = between(a.x_min, a.x_max, b.x_min, b.x_max);
+  const float dy = between(a.y_min, a.y_max, b.y_min, b.y_max);
+  const float x = a.x_min + a.x_max + b.x_min + b.x_max, y = a.y_min + a.y_max + b.y_min + b.y_max;
+  const float r2 = x * x + y * y;  // the direction of sight is (x, y) / r
+  const float radial = dx * x + dy * y, lateral = dx * y - dy * x;
+  return lateral * lateral * rule.along * rule.along + radial * radial * rule.across * rule.across <=
+         r2 * rule.along * rule.along * rule.across * rule.across;
+}
+
+// Sorts echoes into squares, and unites the fragments that are near each other.
 class PatchMap {
  public:
-  PatchMap(const Plane& plane, float gap, std::size_t cells)
-      : gap_(gap),
+  PatchMap(const Plane& plane, const MergeRule& rule, std::size_t cells)
+      : rule_(rule),
         plane_(plane),
         at_(static_cast<std::size_t>(plane.side) * static_cast<std::size_t>(plane.side), NONE),
         patch_of_(cells) {
     patches_.reserve(cells);
     fragments_.reserve(cells);
+    const float gap = std::max(rule.across, rule.along);
     // Half of the squares around one: the other half look at it themselves.
     const auto far = static_cast<std::int32_t>(std::ceil(gap * plane.per_metre)) + 1;
     for (std::int32_t dx = 0; dx <= far; ++dx) {
@@ -62,6 +78,10 @@ class PatchMap {
   std::size_t patch_of(std::size_t cell) const {
     return static_cast<std::size_t>(patch_of_[cell]);
   }
+  void unite(std::int32_t a, std::int32_t b) {
+    fragments_.unite(patches_[static_cast<std::size_t>(a)].fragment,
+                     patches_[static_cast<std::size_t>(b)].fragment);
+  }
   std::int32_t object_of(const Patch& patch) { return fragments_.find(patch.fragment); }
 
  private:
@@ -82,7 +102,7 @@ class PatchMap {
       const std::int32_t other = patch_at(x + offset.dx, y + offset.dy);
       if (other == NONE) continue;
       const Patch& beside = patches_[static_cast<std::size_t>(other)];
-      if (patch.fragment != beside.fragment && distance2(patch, beside) <= gap_ * gap_) {
+      if (patch.fragment != beside.fragment && near(patch, beside, rule_)) {
         fragments_.unite(patch.fragment, beside.fragment);
       }
     }
@@ -145,7 +165,7 @@ class PatchMap {
     a.count += b.count;
   }
 
-  float gap_;
+  MergeRule rule_;
   Plane plane_;
   std::vector<std::int32_t> at_;        // the patch of each square
   std::vector<std::int32_t> patch_of_;  // the patch of each occupied cell of the range image

@@ -14,7 +14,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from twinscrew.runtime._native import Counts, Gates, Kernel, Motion
+from twinscrew.runtime._native import Counts, FootprintRule, Gates, Kernel, Motion
 from twinscrew.runtime.errors import ConfigError, MessageError
 from twinscrew.runtime.geometry.frames import euler_from_quaternion, quaternion_from_euler
 from twinscrew.runtime.geometry.frames import rotation_from_quaternion as rotation
@@ -37,12 +37,27 @@ class HullSettings(Settings, frozen=True, kw_only=True):
 class WaterSettings(Settings, frozen=True, kw_only=True):
     """Which echoes come from the water."""
 
-    surface_m: float = 0.0
-    """[m] Height of the still surface over the vessel's origin, positive upwards."""
+    surface_m: float = 0.11
+    """[m] Height of the surface over the vessel's origin, positive upwards (WAM-V 16 at rest)."""
     clearance_m: float = 0.1
     """[m] Echoes lower than this over the surface are water, however strong."""
     weak_clearance_m: float = 0.8
     """[m] Weak echoes lower than this over the surface are water: waves do not rise higher."""
+
+
+class FootprintSettings(Settings, frozen=True, kw_only=True):
+    """Which pieces are put together because they have the footprint of one vessel."""
+
+    length_m: Positive = 5.5
+    """[m] Of the vessel (WAM-V 16: 5.2)."""
+    beam_m: Positive = 2.9
+    """[m] Of the vessel (WAM-V 16: 2.5)."""
+    reach_m: NonNegative = 2.2
+    """[m] Greatest gap between two pieces: that between a catamaran's hulls and some more."""
+    least_m: NonNegative = 2.2
+    """[m] One of the two must be this long: two buoys side by side are no vessel."""
+    min_points: Count = 3
+    """[-] Smaller pieces are left alone."""
 
 
 class PerceptionSettings(Settings, frozen=True, kw_only=True):
@@ -56,8 +71,12 @@ class PerceptionSettings(Settings, frozen=True, kw_only=True):
     """[-] A link may differ by this many sigmas of a range difference beyond the criterion."""
     bridged: Annotated[int, Meta(ge=0, le=16)] = 1
     """[-] Missing echoes that a link may cross; the paper's neighbours are 0."""
-    merge_gap_m: Annotated[float, Meta(gt=0.0, le=10.0)] = 0.45
-    """[m] Fragments no farther apart than this, seen from above, are one object."""
+    merge_across_m: Annotated[float, Meta(gt=0.0, le=10.0)] = 0.6
+    """[m] Fragments no farther apart, seen from above across the line of sight, are one object."""
+    merge_along_m: Annotated[float, Meta(gt=0.0, le=10.0)] = 0.9
+    """[m] The same along it, where grazing beams and shadows leave gaps too."""
+    footprint: FootprintSettings | None = FootprintSettings()
+    """The vessels whose pieces are put together; none does not."""
     min_points: Count = 20
     """[-] Objects with fewer echoes, after merging, are dropped (parameters.md)."""
     longest_m: Positive = 6.5
@@ -227,7 +246,9 @@ def _make_kernel(sensor: Sensor, settings: PerceptionSettings) -> Kernel:
         noise=noise,
         bridged=min(settings.bridged, rows - 1, columns - 1),
         reach=settings.max_range_m + float(np.linalg.norm(sensor.mount_position_B)) + 1.0,
-        merge_gap=settings.merge_gap_m,
+        merge_across=settings.merge_across_m,
+        merge_along=settings.merge_along_m,
+        footprint=_footprint(settings.footprint),
         least_points=settings.min_points,
         longest=settings.longest_m,
         piece=settings.piece_m,
@@ -252,6 +273,11 @@ def _gates(sensor: Sensor, settings: PerceptionSettings) -> Gates:
         if sensor.weak_intensity is not None:
             gates.weak = sensor.weak_intensity
     return gates
+
+
+def _footprint(settings: FootprintSettings | None) -> FootprintRule:
+    s = settings or FootprintSettings(min_points=np.iinfo(np.int32).max)  # no piece is so large
+    return FootprintRule(s.length_m, s.beam_m, s.reach_m, s.least_m, s.min_points)
 
 
 def _report(counts: Counts) -> Report:
