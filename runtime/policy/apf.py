@@ -12,9 +12,9 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
-from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.messages.types import Float64, Observation
 from twinscrew.runtime.policy.colregs import ColregsSettings, Situation, situation
+from twinscrew.runtime.policy.observation import require_finite
 from twinscrew.runtime.policy.rollout import action_set, alignment, rollout, seen_objects
 from twinscrew.runtime.policy.vessel_model import VesselModel, VesselParameters
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
@@ -67,10 +67,9 @@ class ApfPolicy:
 
     def act(self, observation: Observation) -> Float64:
         """Give the thrust rates, (2,) [N/s], whose outcome fits the force best."""
+        require_finite(observation)
         settings = self.settings
         force = total_force(observation, settings)
-        if not np.isfinite(force).all():
-            raise PolicyError(f"the potential's force is {force.tolist()}: not finite")
         after = rollout(
             self._model,
             observation.ego.astype(np.float64),

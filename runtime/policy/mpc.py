@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.messages.types import Float64, Observation
 from twinscrew.runtime.policy.colregs import (
     ColregsSettings,
@@ -17,6 +16,7 @@ from twinscrew.runtime.policy.colregs import (
     situation,
     starboard_turn,
 )
+from twinscrew.runtime.policy.observation import require_finite
 from twinscrew.runtime.policy.rollout import (
     Rollout,
     action_set,
@@ -87,9 +87,8 @@ class MpcPolicy:
 
     def act(self, observation: Observation) -> Float64:
         """Give the thrust rates, (2,) [N/s], of the cheapest prediction."""
+        require_finite(observation)
         costs = self.costs(observation)
-        if not np.isfinite(costs).all():
-            raise PolicyError("the cost of an action is not finite")
         action: Float64 = self._actions[int(np.argmin(costs))].copy()
         return action
 

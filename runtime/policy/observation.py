@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.geometry.frames import rotation_2d, rotation_from_quaternion
 from twinscrew.runtime.messages.types import (
     OBSERVED_OBJECTS,
@@ -108,3 +109,9 @@ def nearest_objects(
     order = np.argsort(surface, kind="stable")
     seen = surface[order] + settings.own_radius_m <= settings.perception_range_m
     return order[seen][:OBSERVED_OBJECTS]
+
+
+def require_finite(observation: Observation) -> None:
+    """Raise a `PolicyError` if what was seen is not finite."""
+    if not (np.isfinite(observation.ego).all() and np.isfinite(observation.objects).all()):
+        raise PolicyError("the observation is not finite")

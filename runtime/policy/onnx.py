@@ -20,6 +20,7 @@ from twinscrew.runtime.policy.metadata import (
     check_expectation,
     read_metadata,
 )
+from twinscrew.runtime.policy.observation import require_finite
 from twinscrew.runtime.policy.onnx_walk import refuse_foreign_parts
 
 FLOAT32 = "tensor(float)"
@@ -84,8 +85,7 @@ class OnnxPolicy:
             The observation is not finite, or the graph failed or answered with anything but two
             finite numbers.
         """
-        if not (np.isfinite(observation.ego).all() and np.isfinite(observation.objects).all()):
-            raise PolicyError("the observation is not finite")  # a ReLU would turn NaN into 0
+        require_finite(observation)  # a ReLU would turn NaN into 0
         self._feed["ego"][0] = observation.ego
         self._feed["objects"][0] = observation.objects
         self._feed["mask"][0] = observation.mask

@@ -1,0 +1,62 @@
+"""Vessels of the 3-DoF model that meet, each under the same policy, seeing the truth."""
+
+import numpy as np
+
+from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.messages.types import Goal, Observation, Odometry, Tracks
+from twinscrew.runtime.policy.observation import observe
+from twinscrew.runtime.policy.vessel_model import VesselModel
+
+RADIUS = 2.8
+
+
+def observation(ego=(30.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), objects=()):
+    rows = np.zeros((5, 5), dtype=np.float32)
+    mask = np.zeros(5, dtype=np.float32)
+    for k, row in enumerate(objects):
+        rows[k], mask[k] = row, 1.0
+    return Observation(ego=np.array(ego, dtype=np.float32), objects=rows, mask=mask)
+
+
+def _seen(i, pose, nu, thrust, goals):
+    others = [j for j in range(len(pose)) if j != i]
+    c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    v_N = np.column_stack([c * nu[:, 0] - s * nu[:, 1], s * nu[:, 0] + c * nu[:, 1]])
+    tracks = Tracks(
+        stamp_ns=0,
+        id=np.array(others),
+        p_N=pose[others, :2],
+        v_N=v_N[others],
+        radius=np.full(len(others), RADIUS),
+        covariance=np.zeros((len(others), 4, 4)),
+        age_s=np.zeros(len(others)),
+    )
+    odometry = Odometry(
+        stamp_ns=0,
+        position_N=np.append(pose[i, :2], 0.0),
+        q_NB=quaternion_from_euler(0.0, 0.0, pose[i, 2]),
+        velocity_B=np.append(nu[i, :2], 0.0),
+        rates_B=np.array([0.0, 0.0, nu[i, 2]]),
+    )
+    return observe(odometry, Goal(stamp_ns=0, position_N=goals[i]), tracks, thrust[i])
+
+
+def sail(policy, starts, goals, seconds):
+    """Give poses (T, V, 3), every half second, until `seconds` have passed."""
+    model = VesselModel()
+    pose, goals = np.array(starts, dtype=float), np.array(goals, dtype=float)
+    nu, thrust = np.zeros((len(pose), 3)), np.zeros((len(pose), 2))
+    path = [pose]
+    for _ in range(int(seconds / policy.period_s)):
+        rates = [policy.act(_seen(i, pose, nu, thrust, goals)) for i in range(len(pose))]
+        thrust = model.apply(thrust, np.array(rates), policy.period_s)
+        for _ in range(10):
+            pose, nu = model.step(pose, nu, thrust, policy.period_s / 10)
+        path.append(pose)
+    return np.array(path)
+
+
+def gap(path):
+    """Give the least distance between the two vessels' circles."""
+    apart = path[:, 0, :2] - path[:, 1, :2]
+    return np.hypot(apart[:, 0], apart[:, 1]).min() - 2 * RADIUS
