@@ -24,6 +24,10 @@ class Batch(NamedTuple):
     discount: Tensor
     """(B,) gamma^n; 0 where the episode ended, so that nothing is bootstrapped."""
     next_observations: Observations
+    weight: Tensor | None = None
+    """(B,) Of each sample's loss, where transitions are drawn by priority."""
+    places: Tensor | None = None
+    """(B,) Where they lie in the replay, where transitions are drawn by priority."""
 
 
 def split_rows(rows: Tensor) -> Batch:

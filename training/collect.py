@@ -75,7 +75,7 @@ class Collector:
         slots = len(self._rows)
         chance = 1.0 if random else epsilon(self.settings.exploration, step)
         action: Float32 = agent.act(unpack(torch.from_numpy(self._rows)), explore=True).numpy()
-        if self.settings.exploration.noise > 0.0:
+        if agent.continuous and self.settings.exploration.noise > 0.0:
             action = np.clip(action + self._noise.step(), -1.0, 1.0)
         dice = self._generator.random(slots) < chance
         if dice.any():

@@ -15,9 +15,10 @@ from twinscrew.runtime.errors import ConfigError
 from twinscrew.training import runs
 from twinscrew.training.agents.base import Metrics
 from twinscrew.training.agents.registry import algorithm, make_agent
-from twinscrew.training.buffer import ReplayBuffer
+from twinscrew.training.buffer import Batch, ReplayBuffer
 from twinscrew.training.collect import Collector
 from twinscrew.training.logs import Logs, Progress
+from twinscrew.training.priority import PrioritisedReplay
 from twinscrew.training.train_settings import Phase, TrainSettings, phase_settings
 from twinscrew.training.validate import NetworkPolicy, Score, validate
 
@@ -28,7 +29,7 @@ class Training:
     def __init__(self, settings: TrainSettings, seed: int, folder: Path, device: str) -> None:
         self.settings, self.seed, self.folder, self.device = settings, seed, folder, device
         self.agent = make_agent(settings.agent, seed, device)
-        self.replay = ReplayBuffer(settings.replay)
+        self.replay = make_replay(settings)
         self.generator = torch.Generator().manual_seed(seed)
         self.phase = 0
         self.phase_step = 0
@@ -88,8 +89,20 @@ class Training:
         while self.updates >= 1.0:
             batch = self.replay.sample(self.settings.batch, self.generator)
             metrics = self.agent.update(batch, progress)
+            self._reprioritise(batch, metrics)
             self.updates -= 1.0
         return metrics
+
+    def _reprioritise(self, batch: Batch, metrics: Metrics) -> None:
+        """Hand the losses of a batch back to a replay that draws by them."""
+        losses = metrics.pop("priority", None)
+        if isinstance(self.replay, PrioritisedReplay) and batch.places is not None:
+            if losses is None:
+                raise ConfigError(
+                    "this agent gives no priorities; leave the table out", key="priority"
+                )
+            self.replay.reprioritise(batch.places, losses)
+            self.replay.advance(self.step / sum(phase.steps for phase in self.settings.phases))
 
     def _evaluate(self, logs: Logs, progress: Progress) -> None:
         s = self.settings
@@ -140,6 +153,13 @@ class Training:
         where = content["where"]
         self.step, self.transitions = where["step"], where["transitions"]
         self.seconds = where["seconds"]
+
+
+def make_replay(settings: TrainSettings) -> ReplayBuffer:
+    """Build the replay that the settings name."""
+    if settings.priority is not None:
+        return PrioritisedReplay(settings.replay, settings.priority)
+    return ReplayBuffer(settings.replay)
 
 
 def machine() -> str:

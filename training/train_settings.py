@@ -13,6 +13,7 @@ from twinscrew.runtime.settings import Count, Fraction, Positive, Settings, conv
 from twinscrew.training.agents.registry import AnyAgentSettings
 from twinscrew.training.environment import EnvironmentSettings
 from twinscrew.training.exploration import ExplorationSettings
+from twinscrew.training.priority import PrioritySettings
 
 
 class Phase(Settings, frozen=True, kw_only=True):
@@ -55,6 +56,8 @@ class TrainSettings(Settings, frozen=True, kw_only=True):
     """[transitions] In an update."""
     replay: Count = 1_000_000
     """[transitions] Kept."""
+    priority: PrioritySettings | None = None
+    """Draw transitions by their loss; uniformly if this table is missing."""
     warm_up: Count = 20_000
     """[transitions] Gathered before the first update, and again after a resume."""
     n_steps: Count = 3
@@ -74,18 +77,35 @@ class TrainSettings(Settings, frozen=True, kw_only=True):
 def load_training(file: Path) -> TrainSettings:
     """Read a training configuration; every phase's differences are checked at once.
 
+    `extends = "other.toml"` lays a file over another one beside it, table by table; the agent is
+    taken over only if the algorithm is the same.
+
     Raises
     ------
     ConfigError
         Names the file, the key, the value and what is allowed.
     """
-    settings = convert(read_toml(file), TrainSettings, file=file)
+    settings = convert(_read(file), TrainSettings, file=file)
     for number, phase in enumerate(settings.phases):
         try:
             phase_settings(settings, phase)
         except ConfigError as error:
             raise ConfigError(f"phase {number + 1} ({phase.name}): {error}", file=file) from error
     return settings
+
+
+def _read(file: Path, depth: int = 0) -> dict[str, Any]:
+    values = read_toml(file)
+    base = values.pop("extends", None)
+    if base is None:
+        return values
+    if not isinstance(base, str) or depth > 3:
+        raise ConfigError(f"expected the name of a file beside this one, got {base!r}", file=file)
+    under = _read(file.with_name(base), depth + 1)
+    names = [table.get("agent", {}).get("algorithm") for table in (under, values)]
+    if names[1] is not None and names[0] != names[1]:
+        del under["agent"]
+    return _overlay(under, values)
 
 
 class PhaseSettings(NamedTuple):

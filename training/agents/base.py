@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, TypeVar
 
 import torch
 from msgspec import Meta
@@ -45,6 +45,9 @@ S = TypeVar("S", bound=AgentSettings)
 
 class Agent(ABC, Generic[S]):
     """A learner: its named networks and optimisers, a generator, a count of updates."""
+
+    continuous: ClassVar[bool] = True
+    """Whether any action in [-1, 1]^2 can be taken: exploration may then add noise to it."""
 
     def __init__(self, settings: S, seed: int, device: str) -> None:
         self.settings = settings

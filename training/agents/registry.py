@@ -6,14 +6,30 @@ from typing import Any, TypeAlias
 
 from twinscrew.training.agents.ac_iqn import AcIqn, AcIqnSettings
 from twinscrew.training.agents.base import Agent
+from twinscrew.training.agents.ddpg import Ddpg, DdpgSettings
+from twinscrew.training.agents.dqn import Dqn, DqnSettings
+from twinscrew.training.agents.iqn import Iqn, IqnSettings
+from twinscrew.training.agents.rainbow import Rainbow, RainbowSettings
+from twinscrew.training.agents.sac import Sac, SacSettings
 
-AnyAgentSettings: TypeAlias = AcIqnSettings
+AnyAgentSettings: TypeAlias = (
+    AcIqnSettings | IqnSettings | SacSettings | DdpgSettings | RainbowSettings | DqnSettings
+)
 """The settings of every learner; the key `algorithm` says of which."""
+
+_LEARNERS: dict[type, type[Agent[Any]]] = {
+    AcIqnSettings: AcIqn,
+    IqnSettings: Iqn,
+    SacSettings: Sac,
+    DdpgSettings: Ddpg,
+    RainbowSettings: Rainbow,
+    DqnSettings: Dqn,
+}
 
 
 def make_agent(settings: AnyAgentSettings, seed: int, device: str) -> Agent[Any]:
     """Build the learner that the settings are of."""
-    return AcIqn(settings, seed, device)
+    return _LEARNERS[type(settings)](settings, seed, device)
 
 
 def algorithm(settings: AnyAgentSettings) -> str:
