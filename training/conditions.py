@@ -107,6 +107,8 @@ class Conditions:
         """Take in a decision: command (2, E, V) [N], heading and active (E, V), time (E,) [s]."""
         self._command = command
         self._constant = self._of_thrusters(command)
+        if not self.settings.forces:
+            return
         self._heading = heading.reshape(-1).copy()
         self._active = active.reshape(-1)
         self._time = np.repeat(elapsed_s, self.shape[1])

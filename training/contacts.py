@@ -44,9 +44,10 @@ def between_vessels(trajectory: Float64, strayed: Float64, there: Mask, radius: 
     """
     touched = np.zeros(there.shape, bool)
     one, other = _pairs(there.shape[1])
-    x, y = trajectory[0]
-    north, east = x[:, one] - x[:, other], y[:, one] - y[:, other]
-    reach = 2 * radius + strayed[:, one] + strayed[:, other]
+    known = np.concatenate([trajectory[0], strayed[None]])
+    first, second = known.take(one, axis=2), known.take(other, axis=2)
+    north, east, _ = first - second
+    reach = 2 * radius + first[2] + second[2]
     near = north * north + east * east < reach * reach
     near &= there[:, one] & there[:, other]
     episode, pair = np.nonzero(near)

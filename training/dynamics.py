@@ -62,6 +62,7 @@ class Dynamics:
         """[rad] (S + 1, N)"""
         self._nu = np.zeros((substeps + 1, 3, vessels))
         self._over_ground = np.empty((substeps, 2, vessels))
+        self._impulse = np.empty((3, vessels))
         self._products = np.empty((3, vessels))
         self._factor = np.empty((3, vessels))
 
@@ -83,16 +84,21 @@ class Dynamics:
         nu : (3, N) float64
             Surge, sway [m/s], yaw rate [rad/s].
         force
-            Gives tau, (3, N) [N, N, N m], of the next sub-step by nu at its beginning.
+            Gives tau, (3, N) [N, N, N m], of the next sub-step by nu at its beginning; the very
+            same array again means the same force.
         """
         self._nu[0] = nu
+        tau = None
         for before, after in zip(self._nu[:-1], self._nu[1:], strict=True):
-            self._accelerate(before, force(before), after)
+            last, tau = tau, force(before)
+            if tau is not last:
+                np.multiply(tau, self.coefficients.gain, out=self._impulse)
+            self._accelerate(before, after)
         self._follow(position, heading)
         position[:], heading[:], nu[:] = self.trajectory[-1], self.headings[-1], self._nu[-1]
 
-    def _accelerate(self, nu: Float64, tau: Float64, after: Float64) -> None:
-        """Give nu + dt M^-1 (tau - C(nu) nu - D(nu) nu)."""
+    def _accelerate(self, nu: Float64, after: Float64) -> None:
+        """Give nu + dt M^-1 (tau - C(nu) nu - D(nu) nu); dt M^-1 tau is `_impulse`."""
         c, products, factor = self.coefficients, self._products, self._factor
         np.multiply(nu[1::-1], nu[2], out=products[:2])  # v r, u r
         np.multiply(nu[0], nu[1], out=products[2])  # u v
@@ -102,8 +108,7 @@ class Dynamics:
         np.subtract(c.keep, factor, out=factor)
         np.multiply(nu, factor, out=after)
         after += products
-        np.multiply(tau, c.gain, out=factor)
-        after += factor
+        after += self._impulse
 
     def _follow(self, position: Float64, heading: Float64) -> None:
         """Sum up headings and places: by the heading before, the velocity after each sub-step."""
