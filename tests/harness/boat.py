@@ -1,0 +1,192 @@
+"""A whole boat without sockets: sensors that can fail, the runtime's controller, its autopilot.
+
+The sensors are synthetic (a boat at rest, nothing in sight); everything between their bytes and the
+propellers' pulses is the real thing, in simulated time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
+from twinscrew.hil_sim.autopilot.rover import RoverSettings
+from twinscrew.runtime.app.controller import Controller
+from twinscrew.runtime.app.core import Core
+from twinscrew.runtime.app.mission import Mission, MissionSettings
+from twinscrew.runtime.app.pipeline import Pipeline
+from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.types import (
+    Float64,
+    HealthEvent,
+    Observation,
+    Odometry,
+    PointCloud,
+)
+from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.perception.stage import Perception
+from twinscrew.runtime.policy.base import Policy
+from twinscrew.runtime.safety.guard import Guard
+from twinscrew.runtime.tracking.tracker import Tracker
+
+SECOND = 1_000_000_000
+EPOCH_NS = 1_800_000_000 * SECOND
+TICK_S = 0.05
+FAR_AHEAD = ((500.0, 0.0),)
+
+Line = Callable[[str, bytes], Iterable[bytes]]
+"""What lies between a sensor and the runtime: it may lose, change, or repeat a payload."""
+
+
+class Steady:
+    """A policy that always asks for the same rate, and can be told to fail."""
+
+    name = "steady"
+
+    def __init__(self, rate: tuple[float, float] = (100.0, 100.0), period_s: float = 0.5) -> None:
+        self.period_s = period_s
+        self.rate = rate
+        self.asked = 0
+        self.resets = 0
+        self.failure: Exception | None = None
+
+    def act(self, observation: Observation) -> Float64:
+        self.asked += 1
+        if self.failure is not None:
+            raise self.failure
+        return np.array(self.rate)
+
+    def reset(self) -> None:
+        self.resets += 1
+
+
+def stamp(time_s: float) -> int:
+    return EPOCH_NS + round(time_s * SECOND)
+
+
+def odometry(time_s: float, north: float = 0.0, east: float = 0.0) -> Odometry:
+    return Odometry(
+        stamp_ns=stamp(time_s),
+        position_N=np.array([north, east, 0.0]),
+        q_NB=quaternion_from_euler(0.0, 0.0, 0.0),
+        velocity_B=np.zeros(3),
+        rates_B=np.zeros(3),
+    )
+
+
+def cloud(time_s: float, points: object = ()) -> PointCloud:
+    points_S = np.array(points, dtype=np.float32).reshape(-1, 3)
+    return PointCloud(stamp_ns=stamp(time_s), frame_id="lidar", points_S=points_S)
+
+
+def make_pipeline(
+    policy: Policy, waypoints_m: tuple[tuple[float, float], ...] = FAR_AHEAD
+) -> Pipeline:
+    return Pipeline(
+        perception=Perception(load_sensor("vrx16")),
+        tracker=Tracker(),
+        policy=policy,
+        mission=Mission(MissionSettings(waypoints_m=waypoints_m)),
+        guard=Guard(),
+    )
+
+
+class Boat:
+    """A controller and a simulated autopilot, joined by bytes, 20 times a second.
+
+    `line` stands between the sensors and the controller; `wire` between controller and autopilot.
+    """
+
+    def __init__(
+        self,
+        policy: Policy | None = None,
+        *,
+        waypoints_m: tuple[tuple[float, float], ...] = FAR_AHEAD,
+        rover: dict[str, object] | None = None,
+        **link: object,
+    ) -> None:
+        self.policy = policy or Steady()
+        core = Core(make_pipeline(self.policy, waypoints_m))
+        settings = AutopilotSettings(**{"arm": True, "receiver_fitted": False, **link})
+        self.controller = Controller(core, AutopilotLink(settings))
+        pilot = RoverAutopilotSettings(rover=RoverSettings(**(rover or {})))
+        self.autopilot = RoverAutopilot(pilot, 1)
+        self.now_s = 0.0
+        self.clock_offset_s = 0.0
+        self.place = (0.0, 0.0)
+        self.line: Line = lambda topic, payload: (payload,)
+        self.wire = True
+        self.events: list[tuple[float, HealthEvent]] = []
+        self.thrusts: list[tuple[float, Float64]] = []
+        self._ticks = 0
+
+    def sail(self, seconds: float) -> Boat:
+        """Let time pass."""
+        for _ in range(round(seconds / TICK_S)):
+            self._tick()
+        return self
+
+    def take_in(self, topic: str, payload: bytes) -> None:
+        """Hand a payload to the controller, as the loop does."""
+        handled = self.controller.take_in(topic, payload, self.now_s)
+        if handled.decision is not None:
+            self._send(self.controller.command(self.now_s))
+        self._note(handled.events)
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all events so far, the state's changes in words."""
+        return [event.detail if event.name == "state" else event.name for _, event in self.events]
+
+    @property
+    def thrust(self) -> Float64:
+        """[N] What the autopilot asks of the propellers."""
+        return self.autopilot.thrust_command_N()
+
+    @property
+    def moves(self) -> bool:
+        return bool(np.any(self.thrust != 0.0))
+
+    def first(self, name: str, since_s: float = 0.0) -> float:
+        """[s] When an event of this name came first."""
+        return next(t for t, event in self.events if event.name == name and t >= since_s)
+
+    def stopped_by(self, since_s: float) -> float:
+        """[s] From a time until the propellers stood still."""
+        stops = [t for t, thrust in self.thrusts if t >= since_s and not thrust.any()]
+        return stops[0] - since_s
+
+    def _tick(self) -> None:
+        self._ticks += 1
+        self.now_s = round(self._ticks * TICK_S, 6)
+        self._sense()
+        if self.wire:
+            answer = self.autopilot.step(self.now_s, odometry(self.now_s, *self.place))
+            self.controller.from_autopilot(answer, self.now_s)
+        else:
+            self.autopilot.step(self.now_s)
+        engagement, events = self.controller.supervise(self.now_s)
+        if engagement is not None:
+            self.take_in("engagement", engagement)
+        self._note(events)
+        self._send(self.controller.command(self.now_s))
+        self.thrusts.append((self.now_s, self.thrust))
+
+    def _sense(self) -> None:
+        time_s = self.now_s + self.clock_offset_s
+        payload = cdr.encode_odometry(odometry(time_s, *self.place))
+        for arrived in self.line("odometry", payload):
+            self.take_in("odometry", arrived)
+        if self._ticks % 2 == 0:
+            for arrived in self.line("points", cdr.encode_point_cloud(cloud(time_s))):
+                self.take_in("points", arrived)
+
+    def _send(self, command: bytes) -> None:
+        if self.wire:
+            self.autopilot.receive(command, self.now_s)
+
+    def _note(self, events: tuple[HealthEvent, ...]) -> None:
+        self.events += [(self.now_s, event) for event in events]

@@ -1,0 +1,154 @@
+import numpy as np
+import pytest
+from tests.harness.boat import Steady, cloud, make_pipeline, odometry, stamp
+
+from twinscrew.runtime.app.pipeline import Pipeline
+from twinscrew.runtime.errors import MessageError, PolicyError
+from twinscrew.runtime.messages.types import Decision, Goal
+
+
+def sail(
+    pipeline: Pipeline, first_s: float, last_s: float, *, engaged: bool = True
+) -> list[Decision]:
+    """Ten scans a second, the last one at `last_s`."""
+    times = np.arange(first_s, last_s + 1e-6, 0.1)
+    return [pipeline.step(cloud(t), odometry(t), engaged=engaged) for t in times]
+
+
+def thrusts(decisions: list[Decision]) -> list[list[float]]:
+    return [decision.thrust.tolist() for decision in decisions]
+
+
+def names(decisions: list[Decision]) -> list[str]:
+    return [event.name for decision in decisions for event in decision.events]
+
+
+def test_the_policy_is_asked_once_a_period_and_its_thrust_held_between() -> None:
+    policy = Steady((100.0, -40.0))
+    decisions = sail(make_pipeline(policy), 0.0, 1.4)
+    assert policy.asked == 3
+    assert [d.acted for d in decisions] == ([True] + [False] * 4) * 3
+    assert thrusts(decisions[::5]) == [[50.0, -20.0], [100.0, -40.0], [150.0, -60.0]]
+    assert thrusts(decisions[:5]) == [[50.0, -20.0]] * 5
+
+
+def test_decisions_are_numbered_and_carry_the_scans_stamp() -> None:
+    decisions = sail(make_pipeline(Steady()), 2.0, 2.3)
+    assert [d.sequence for d in decisions] == [0, 1, 2, 3]
+    assert [d.stamp_ns for d in decisions] == [stamp(t) for t in (2.0, 2.1, 2.2, 2.3)]
+
+
+def test_thrust_integrates_no_farther_than_the_propellers_go() -> None:
+    decisions = sail(make_pipeline(Steady((1000.0, -1000.0))), 0.0, 2.0)
+    assert thrusts(decisions)[-1] == [1000.0, -500.0]
+
+
+def test_a_thrust_at_its_limit_comes_back_at_once() -> None:
+    policy = Steady((1000.0, 1000.0))
+    pipeline = make_pipeline(policy)
+    sail(pipeline, 0.0, 9.9)
+    policy.rate = (-200.0, -200.0)
+    assert thrusts(sail(pipeline, 10.0, 10.0)) == [[900.0, 900.0]]
+
+
+def test_a_policy_sees_the_goal_and_its_own_thrust() -> None:
+    decisions = sail(make_pipeline(Steady((100.0, 60.0)), ((30.0, 4.0),)), 0.0, 0.5)
+    seen = decisions[-1].observation
+    assert seen is not None
+    assert seen.ego.tolist() == pytest.approx([30.0, 4.0, 0, 0, 0, 50.0, 30.0])
+    assert decisions[-2].observation is None
+
+
+def test_while_nobody_lets_it_drive_the_thrust_is_zero_and_the_policy_rests() -> None:
+    policy = Steady()
+    decisions = sail(make_pipeline(policy), 0.0, 2.0, engaged=False)
+    assert policy.asked == 0
+    assert not np.any(thrusts(decisions))
+
+
+def test_losing_the_boat_and_getting_it_back_starts_from_zero_thrust_at_once() -> None:
+    policy = Steady()
+    pipeline = make_pipeline(policy)
+    sail(pipeline, 0.0, 3.0)
+    assert thrusts(sail(pipeline, 3.1, 3.1, engaged=False)) == [[0.0, 0.0]]
+    (back,) = sail(pipeline, 3.2, 3.2)
+    assert back.acted
+    assert back.thrust.tolist() == [50.0, 50.0]
+
+
+def test_on_arrival_the_thrust_is_zero_and_stays_so() -> None:
+    policy = Steady()
+    pipeline = make_pipeline(policy, ((10.0, 0.0),))
+    sail(pipeline, 0.0, 1.0)
+    there = pipeline.step(cloud(1.1), odometry(1.1, north=8.5), engaged=True)
+    assert (there.arrived, there.thrust.tolist()) == (True, [0.0, 0.0])
+    assert names([there]) == ["goal_reached"]
+    later = sail(pipeline, 1.2, 2.0)
+    assert names(later) == []
+    assert not np.any(thrusts(later))
+
+
+def test_without_a_goal_it_says_so_once_and_waits_for_one() -> None:
+    policy = Steady()
+    pipeline = make_pipeline(policy, ())
+    assert names(sail(pipeline, 0.0, 2.0)) == ["goal_missing"]
+    assert policy.asked == 0
+    pipeline.set_goal(Goal(stamp_ns=stamp(2.0), position_N=np.array([40.0, 0.0])))
+    assert thrusts(sail(pipeline, 2.1, 2.1)) == [[50.0, 50.0]]
+
+
+def test_a_policy_that_fails_means_zero_thrust_and_is_asked_again_by_the_next_scan() -> None:
+    policy = Steady()
+    pipeline = make_pipeline(policy)
+    sail(pipeline, 0.0, 0.9)
+    policy.failure = PolicyError("it answered with NaN")
+    failed = sail(pipeline, 1.0, 1.2)
+    assert names(failed) == ["policy_error"] * 3
+    assert failed[0].events[0].detail == "it answered with NaN"
+    assert not np.any(thrusts(failed))
+    policy.failure = None
+    (well,) = sail(pipeline, 1.3, 1.3)
+    assert well.events == ()
+    assert well.thrust.tolist() == [50.0, 50.0]
+
+
+def test_a_policy_that_answers_nan_trips_the_guard_and_recovers_next_period() -> None:
+    policy = Steady((float("nan"), 0.0))
+    pipeline = make_pipeline(policy)
+    decisions = sail(pipeline, 0.0, 0.4)
+    assert names(decisions) == ["guard_tripped"]
+    assert not np.any(thrusts(decisions))
+    policy.rate = (100.0, 100.0)
+    assert thrusts(sail(pipeline, 0.5, 0.5)) == [[50.0, 50.0]]
+
+
+def test_a_scan_that_cannot_be_processed_means_zero_thrust_and_no_objects(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pipeline = make_pipeline(Steady())
+    sail(pipeline, 0.0, 0.9)
+
+    def fail(*args: object, **kwargs: object) -> None:
+        raise MessageError("the kernel cannot use it")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(pipeline.perception, "step", fail)
+        (blind,) = sail(pipeline, 1.0, 1.0)
+    assert names([blind]) == ["perception_error"]
+    assert blind.thrust.tolist() == [0.0, 0.0]
+    assert len(blind.objects.p_B) == 0
+    assert thrusts(sail(pipeline, 1.1, 1.1)) == [[50.0, 50.0]]
+
+
+def test_a_reset_forgets_tracks_thrust_and_the_policys_memory() -> None:
+    policy = Steady()
+    pipeline = make_pipeline(policy)
+    sail(pipeline, 0.0, 2.0)
+    pipeline.reset()
+    assert policy.resets == 1
+    assert thrusts(sail(pipeline, 2.1, 2.1)) == [[50.0, 50.0]]
+
+
+def test_the_same_scans_give_the_same_decisions() -> None:
+    first, second = (sail(make_pipeline(Steady((30.0, 70.0))), 0.0, 3.0) for _ in range(2))
+    assert thrusts(first) == thrusts(second)
