@@ -1,0 +1,177 @@
+"""Speed and course of what is around: the tracker's, and the paper's, against the truth.
+
+Vessels sail the paper's scenarios in wind and waves under the shipped policy, which sees the
+truth, so that both estimators are given the same scans.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from twinscrew.hil_sim.bench.quotient import DifferenceQuotient
+from twinscrew.hil_sim.bench.tracking_score import Truth, VelocityScore
+from twinscrew.hil_sim.scenario import load_scenario
+from twinscrew.hil_sim.world import World, make_world
+from twinscrew.runtime.geometry.frames import rotation_from_quaternion
+from twinscrew.runtime.messages.types import (
+    NANOSECONDS_PER_SECOND,
+    Float64,
+    Goal,
+    Objects,
+    Odometry,
+    Tracks,
+)
+from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.perception.stage import Perception
+from twinscrew.runtime.policy.base import Policy
+from twinscrew.runtime.policy.load import load_policy
+from twinscrew.runtime.policy.observation import observe
+from twinscrew.runtime.tracking.tracker import Tracker
+
+EPISODES, VESSELS, BUOYS = 12, 5, 4
+SENSOR = "vrx32"
+SCAN_S = 0.1
+EPISODE_S = 25.0
+BORN_S = 1.0
+"""[s] A track is judged from this long after its first report."""
+OWN = 0
+"""The vessel that looks."""
+THRUST_N = (-500.0, 1000.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """One scan of the observer, as objects, with the truth."""
+
+    objects: Objects
+    odometry: Odometry
+    truth: Truth
+    overlap: bool
+    """True while hulls or buoys touch: they are one object then, and nobody's fault."""
+
+
+def run() -> dict[str, Any]:
+    """Measure: {"tracking": {"kalman": {...}, "difference_quotient": {...}, ...}}."""
+    kalman, quotient = VelocityScore(), VelocityScore()
+    times: list[float] = []
+    switches = seen = 0
+    for seed in range(EPISODES):
+        identities = _score_episode(seed, kalman, quotient, times)
+        switches += sum(len(ids) - 1 for ids in identities.values())
+        seen += len(identities)
+    step_ms = 1e3 * np.array(times)
+    return {
+        "tracking": {
+            "kalman": kalman.figures(),
+            "difference_quotient": quotient.figures(),
+            "identities_per_object": (seen + switches) / max(1, seen),
+            "step_p50_ms": float(np.percentile(step_ms, 50)),
+            "step_p99_ms": float(np.percentile(step_ms, 99)),
+        }
+    }
+
+
+def _score_episode(
+    seed: int, kalman: VelocityScore, quotient: VelocityScore, times: list[float]
+) -> dict[int, set[int]]:
+    """Score one episode; give the identities that each thing had while in sight."""
+    tracker, two_scans = Tracker(), DifferenceQuotient()
+    born: dict[int, int] = {}
+    identities: dict[int, set[int]] = {}
+    for look in looks(seed):
+        begin = perf_counter()
+        tracks = tracker.step(look.objects, look.odometry)
+        times.append(perf_counter() - begin)
+        centroids_N, velocities_N = two_scans.step(look.objects, look.odometry)
+        for identity in tracks.id.tolist():
+            born.setdefault(identity, tracks.stamp_ns)
+        if look.overlap:
+            continue
+        _score_tracks(tracks, look.truth, born, kalman, identities)
+        for p_N, v_N in zip(centroids_N, velocities_N, strict=True):
+            row = look.truth.nearest(p_N)
+            if row is not None:
+                quotient.add(look.truth, row, v_N)
+    return identities
+
+
+def _score_tracks(
+    tracks: Tracks,
+    truth: Truth,
+    born: dict[int, int],
+    score: VelocityScore,
+    identities: dict[int, set[int]],
+) -> None:
+    for k, identity in enumerate(tracks.id.tolist()):
+        row = truth.nearest(tracks.p_N[k])
+        if row is None or tracks.age_s[k] > 0.0:
+            continue
+        identities.setdefault(row, set()).add(identity)
+        if tracks.stamp_ns - born[identity] >= BORN_S * NANOSECONDS_PER_SECOND:
+            score.add(truth, row, tracks.v_N[k])
+            score.add_nees(truth, row, tracks.p_N[k], tracks.v_N[k], tracks.covariance[k])
+
+
+def looks(seed: int) -> Iterator[Look]:
+    """Give what vessel `OWN` sees while all vessels sail one episode."""
+    scenario = load_scenario("random", VESSELS, BUOYS, seed)
+    world = make_world(scenario, sensor=SENSOR, seed=seed)
+    perception = Perception(load_sensor(SENSOR))
+    policies = [load_policy("ac_iqn") for _ in range(VESSELS)]
+    thrust = np.zeros((VESSELS, 2))
+    scans_a_decision = round(policies[0].period_s / SCAN_S)
+    for scan in range(round(EPISODE_S / SCAN_S)):
+        _moor_arrivals(world)
+        if world.moored[OWN]:
+            return
+        odometry = world.odometry(OWN)
+        objects = perception.step(world.cloud(OWN), odometry.q_NB)
+        yield Look(objects, odometry, truth_around(world, OWN), bool(world.gaps.min() < 0.0))
+        if scan % scans_a_decision == 0:
+            thrust = np.array([_decide(world, v, policies[v], thrust[v]) for v in range(VESSELS)])
+        world.advance(SCAN_S, thrust)
+
+
+def truth_around(world: World, own: int) -> Truth:
+    """Give the truth about all vessels and buoys but `own`."""
+    state = world.state
+    velocity_N = np.array(
+        [rotation_from_quaternion(q) @ v for q, v in zip(state.q_NB, state.velocity_B, strict=True)]
+    )
+    buoys = world.scenario.buoys[:, :2]
+    others = np.arange(world.scenario.vessels) != own
+    return Truth(
+        np.concatenate([state.position_N[others, :2], buoys]),
+        np.concatenate([velocity_N[others, :2], np.zeros_like(buoys)]),
+        np.concatenate([np.ones(others.sum()), np.zeros(len(buoys))]),
+    )
+
+
+def _moor_arrivals(world: World) -> None:
+    goals = world.scenario.goals
+    apart = np.hypot(*(world.state.position_N[:, :2] - goals).T)
+    for vessel in np.flatnonzero(~world.moored & (apart <= world.scenario.goal_radius)):
+        world.moor(int(vessel), goals[vessel])
+
+
+def _decide(world: World, vessel: int, policy: Policy, thrust: Float64) -> Float64:
+    """Give a vessel's next thrust [N] by a policy that sees the truth."""
+    truth, odometry = truth_around(world, vessel), world.odometry(vessel)
+    count = len(truth.p_N)
+    tracks = Tracks(
+        stamp_ns=odometry.stamp_ns,
+        id=np.arange(count),
+        p_N=truth.p_N,
+        v_N=truth.v_N,
+        radius=np.where(truth.is_vessel > 0, world.parameters.collision_radius_m, 0.75),
+        covariance=np.zeros((count, 4, 4)),
+        age_s=np.zeros(count),
+    )
+    goal = Goal(stamp_ns=odometry.stamp_ns, position_N=world.scenario.goals[vessel])
+    rate = policy.act(observe(odometry, goal, tracks, thrust))
+    return np.clip(thrust + rate * policy.period_s, *THRUST_N)
