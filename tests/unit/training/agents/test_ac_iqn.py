@@ -5,35 +5,14 @@ import pytest
 import torch
 
 from twinscrew.training.agents.ac_iqn import AcIqn, AcIqnSettings
-from twinscrew.training.buffer import Batch
 from twinscrew.training.losses import quantile_huber
 from twinscrew.training.networks import NetworkSettings
-from twinscrew.training.observations import Observations
 
 SMALL = NetworkSettings(ego_width=16, object_width=16, feature_width=32, hidden_width=32)
 SETTINGS = AcIqnSettings(network=SMALL, bfloat16=False)
 
 
-def observations(count, seed):
-    generator = torch.Generator().manual_seed(seed)
-    mask = (torch.rand(count, 5, generator=generator) > 0.5).float()
-    objects = torch.randn(count, 5, 5, generator=generator) * 5 * mask[:, :, None]
-    return Observations(torch.randn(count, 7, generator=generator), objects, mask)
-
-
-def batch(count=64, seed=0, reward=None, discount=0.9):
-    generator = torch.Generator().manual_seed(seed)
-    action = 2 * torch.rand(count, 2, generator=generator) - 1
-    return Batch(
-        observations(count, seed),
-        action,
-        torch.zeros(count) if reward is None else reward(action),
-        torch.full((count,), discount),
-        observations(count, seed + 1),
-    )
-
-
-def test_the_critics_loss_is_that_of_algorithm_2():
+def test_the_critics_loss_is_that_of_algorithm_2(batch):
     agent = AcIqn(SETTINGS, seed=1)
     some = batch(reward=lambda action: action[:, 0])
     seen, following = agent.see(some.observations), agent.see(some.next_observations)
@@ -50,7 +29,7 @@ def test_the_critics_loss_is_that_of_algorithm_2():
     assert loss.item() == pytest.approx(expected.item(), rel=1e-5)
 
 
-def test_a_lower_risk_level_asks_only_for_the_worst_quantiles():
+def test_a_lower_risk_level_asks_only_for_the_worst_quantiles(observations):
     agent = AcIqn(SETTINGS, seed=1)
     seen = agent.see(observations(16, 3))
     asked = []
@@ -61,7 +40,7 @@ def test_a_lower_risk_level_asks_only_for_the_worst_quantiles():
     assert asked[0].max() <= 0.25
 
 
-def test_the_actor_climbs_the_critic_without_changing_it():
+def test_the_actor_climbs_the_critic_without_changing_it(batch):
     agent = AcIqn(SETTINGS, seed=2)
     some = batch()
     critic = {k: v.clone() for k, v in agent.critic.state_dict().items()}
@@ -73,7 +52,7 @@ def test_the_actor_climbs_the_critic_without_changing_it():
     assert all(torch.equal(critic[k], v) for k, v in agent.critic.state_dict().items())
 
 
-def test_it_learns_which_action_is_rewarded():
+def test_it_learns_which_action_is_rewarded(batch, observations):
     # One-step episodes with reward -(a - 0.5)^2 summed over both thrusters: the best is (0.5, 0.5).
     agent = AcIqn(msgspec.structs.replace(SETTINGS, learning_rate=3e-3, actor_rate=1e-3), seed=3)
     for k in range(400):
@@ -82,7 +61,7 @@ def test_it_learns_which_action_is_rewarded():
     assert action.mean(0).tolist() == pytest.approx([0.5, 0.5], abs=0.12)
 
 
-def test_target_networks_move_by_their_share():
+def test_target_networks_move_by_their_share(batch):
     agent = AcIqn(msgspec.structs.replace(SETTINGS, target_rate=0.25), seed=4)
     before = agent.target_critic.output.bias.item()
     agent.update(batch(reward=lambda a: a[:, 0]), 0.0)
@@ -90,7 +69,7 @@ def test_target_networks_move_by_their_share():
     assert agent.target_critic.output.bias.item() == pytest.approx(0.75 * before + 0.25 * after)
 
 
-def test_hard_copies_come_every_so_many_updates():
+def test_hard_copies_come_every_so_many_updates(batch):
     settings = msgspec.structs.replace(SETTINGS, target_rate=1.0, target_every=3)
     agent = AcIqn(settings, seed=4)
     same = []
@@ -100,14 +79,14 @@ def test_hard_copies_come_every_so_many_updates():
     assert same == [False, False, True, False, False, True]
 
 
-def test_learning_rates_fall_with_progress():
+def test_learning_rates_fall_with_progress(batch):
     agent = AcIqn(msgspec.structs.replace(SETTINGS, final_rate=0.1), seed=5)
     agent.update(batch(), 1.0)
     assert agent.critic_optimizer.param_groups[0]["lr"] == pytest.approx(0.1 * 5e-4)
     assert agent.actor_optimizer.param_groups[0]["lr"] == pytest.approx(0.1 * 3e-4)
 
 
-def test_the_same_seed_learns_the_same():
+def test_the_same_seed_learns_the_same(batch, observations):
     def learn(seed):
         agent = AcIqn(SETTINGS, seed)
         for k in range(3):
@@ -118,7 +97,7 @@ def test_the_same_seed_learns_the_same():
     assert not torch.equal(learn(6), learn(7))
 
 
-def test_a_restored_agent_goes_on_as_if_nothing_had_happened():
+def test_a_restored_agent_goes_on_as_if_nothing_had_happened(batch):
     one, other = AcIqn(SETTINGS, 8), AcIqn(SETTINGS, 9)
     for k in range(3):
         one.update(batch(seed=k), 0.0)
@@ -129,7 +108,7 @@ def test_a_restored_agent_goes_on_as_if_nothing_had_happened():
         assert torch.equal(value, other.critic.state_dict()[name])
 
 
-def test_bfloat16_changes_little_and_the_losses_stay_float32():
+def test_bfloat16_changes_little_and_the_losses_stay_float32(batch):
     exact = AcIqn(SETTINGS, 10)
     rough = AcIqn(msgspec.structs.replace(SETTINGS, bfloat16=True), 10)
     one, other = exact.update(batch(), 0.0), rough.update(batch(), 0.0)
