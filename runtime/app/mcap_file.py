@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,6 +24,8 @@ MAX_RECORD: Final = 1 << 30
 
 _DAMAGE: Final = (
     McapError,
+    MemoryError,  # an absurd size of an uncompressed chunk
+    OSError,  # a place before the beginning of the file
     ValueError,  # a checksum, a string that is not UTF-8, an unknown number
     LookupError,
     RuntimeError,  # lz4
@@ -103,7 +106,8 @@ class McapFile:
 
     def _in_time_order(self) -> Iterator[BagMessage]:
         with self.path.open("rb") as stream:
-            reader = SeekingReader(stream, validate_crcs=True, record_size_limit=MAX_RECORD)
+            bounded = cast("IO[bytes]", _Bounded(stream))
+            reader = SeekingReader(bounded, validate_crcs=True, record_size_limit=MAX_RECORD)
             for schema, channel, message in reader.iter_messages():
                 yield _message(schema, channel, message)
 
@@ -122,8 +126,8 @@ class McapFile:
     def _records(self) -> Iterator[McapRecord]:
         """Give records as they stand in the file, up to its end or where it was cut off."""
         with self.path.open("rb") as stream:
-            whole = cast("IO[bytes]", _Exact(stream))
-            reader = StreamReader(whole, validate_crcs=True, record_size_limit=MAX_RECORD)
+            bounded = cast("IO[bytes]", _Bounded(stream))
+            reader = StreamReader(bounded, validate_crcs=True, record_size_limit=MAX_RECORD)
             try:
                 yield from reader.records
             except EndOfFile:
@@ -131,17 +135,19 @@ class McapFile:
                     raise
 
 
-class _Exact:
-    """A stream whose short reads are ends: mcap's reader takes them for data."""
+class _Bounded:
+    """A stream that ends where its file ends: mcap's reader believes every length it reads."""
 
     def __init__(self, stream: BinaryIO) -> None:
         self._stream = stream
+        self._size = os.fstat(stream.fileno()).st_size
+        self.seek = stream.seek
+        self.tell = stream.tell
 
-    def read(self, size: int) -> bytes:
-        data = self._stream.read(size)
-        if len(data) < size:
+    def read(self, size: int = -1) -> bytes:
+        if size > self._size - self._stream.tell():
             raise EndOfFile
-        return data
+        return self._stream.read(size)
 
 
 def _message(schema: Schema | None, channel: Channel, message: Message) -> BagMessage:

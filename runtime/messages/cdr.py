@@ -22,8 +22,10 @@ from twinscrew.runtime.messages.simple import (
     encode_engagement,
     encode_thrust,
 )
+from twinscrew.runtime.messages.transforms import Transform, encode_transforms, vessel_transform
 
 __all__ = [
+    "Transform",
     "decode_clock",
     "decode_decision",
     "decode_diagnostics",
@@ -42,4 +44,6 @@ __all__ = [
     "encode_point_cloud",
     "encode_thrust",
     "encode_track_markers",
+    "encode_transforms",
+    "vessel_transform",
 ]

@@ -17,6 +17,7 @@ from twinscrew.runtime.messages.diagnostics import DIAGNOSTICS_TYPE
 from twinscrew.runtime.messages.markers import MARKERS_TYPE
 from twinscrew.runtime.messages.odometry import GOAL_TYPE, ODOMETRY_TYPE
 from twinscrew.runtime.messages.simple import CLOCK_TYPE, ENGAGEMENT_TYPE, THRUST_TYPE
+from twinscrew.runtime.messages.transforms import TRANSFORMS_TYPE
 
 KeyFormat: TypeAlias = Literal["ros2dds", "rmw_zenoh"]
 KEY_FORMATS: Final[tuple[KeyFormat, ...]] = ("ros2dds", "rmw_zenoh")
@@ -152,6 +153,14 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 name="tracks",
                 key="tracking/tracks",
                 ros_type=MARKERS_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=10.0,
+            ),
+            Topic(
+                name="transforms",
+                key="/tf",
+                ros_type=TRANSFORMS_TYPE,
                 direction=Direction.OUT,
                 traffic=Traffic.STATUS,
                 rate_hz=10.0,
