@@ -114,12 +114,11 @@ class Dynamics:
         """Sum up headings and places: by the heading before, the velocity after each sub-step."""
         moved = self._nu[1:] * self.coefficients.dt
         _sum_up(self.headings, heading, moved[:, 2])
-        cosine, sine = np.cos(self.headings[:-1]), np.sin(self.headings[:-1])
-        surge, sway = moved[:, 0], moved[:, 1]
-        over_ground = self._over_ground
-        np.subtract(cosine * surge, sine * sway, out=over_ground[:, 0])
-        np.add(sine * surge, cosine * sway, out=over_ground[:, 1])
-        _sum_up(self.trajectory, position, over_ground)
+        # North + i east = (surge + i sway) exp(i heading): half the time of a sine and a cosine.
+        shift = np.exp(1j * self.headings[:-1])
+        shift *= moved[:, 0] + 1j * moved[:, 1]
+        self._over_ground[:, 0], self._over_ground[:, 1] = shift.real, shift.imag
+        _sum_up(self.trajectory, position, self._over_ground)
 
 
 def _sum_up(into: Float64, start: Float64, changes: Float64) -> None:
