@@ -83,15 +83,44 @@ def _new_folder(out: Path | None) -> Path:
 def _sail(
     scenario: Scenario, settings: SitlSettings, folder: Path, console: Console, *, quiet: bool
 ) -> SitlReport:
+    if quiet:
+        return sail(scenario, settings, folder)
+    if not console.is_terminal:
+        return sail(scenario, settings, folder, _Lines(console))
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"))
-    with Progress(*columns, console=console, disable=quiet, transient=True) as bar:
+    with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("at the dock", total=scenario.time_limit_s, state="")
 
         def progress(time_s: float, results: tuple[Result, ...]) -> None:
-            states = ", ".join(f"{r.name} {_state(r)}" for r in results)
-            bar.update(task, completed=time_s, description=f"{time_s:5.1f} s", state=states)
+            bar.update(
+                task, completed=time_s, description=f"{time_s:5.1f} s", state=_states(results)
+            )
 
-        return sail(scenario, settings, folder, None if quiet else progress)
+        return sail(scenario, settings, folder, progress)
+
+
+class _Lines:
+    """Progress for a log: a line every few simulated seconds, and when a voyage ends."""
+
+    EVERY_S = 5.0
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._next_s = 0.0
+        self._told = ""
+
+    def __call__(self, time_s: float, results: tuple[Result, ...]) -> None:
+        """Tell, if it is time to or something happened."""
+        states = _states(results)
+        if time_s < self._next_s and states == self._told:
+            return
+        self._next_s = time_s + self.EVERY_S
+        self._told = states
+        self._console.print(f"{time_s:5.1f} s  {states}")
+
+
+def _states(results: tuple[Result, ...]) -> str:
+    return ", ".join(f"{result.name} {_state(result)}" for result in results)
 
 
 def _state(result: Result) -> str:
