@@ -10,9 +10,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from twinscrew.runtime.app.core import Core, Outcome
+from twinscrew.runtime.app.core import Core
 from twinscrew.runtime.app.health import Facts, Health, State
-from twinscrew.runtime.errors import TwinscrewError
 from twinscrew.runtime.link.autopilot import AutopilotLink
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS
@@ -79,14 +78,16 @@ class Controller:
 
     def take_in(self, topic: str, payload: bytes, now_s: float) -> Handled:
         """Feed one message of a core input topic to the core; never raises on its content."""
-        outcome = self._feed(topic, payload)
+        outcome = self.core.feed(topic, payload)
         if outcome.stamp_ns is not None:
             self._watchdog.seen(topic, outcome.stamp_ns, now_s)
         events = outcome.events
         if outcome.decision is not None:
             self.decision = outcome.decision
             events += outcome.decision.events
-            self._fault = any(event.name in FAULTS for event in events)
+        faulty = any(event.name in FAULTS for event in events)
+        if faulty or outcome.decision is not None:
+            self._fault = faulty
         self.note(events, now_s)
         return Handled(outcome.decision, events)
 
@@ -145,16 +146,6 @@ class Controller:
     def _has_goal(self) -> bool:
         mission = self.core.pipeline.mission
         return mission.goal is not None and not mission.arrived
-
-    def _feed(self, topic: str, payload: bytes) -> Outcome:
-        try:
-            return self.core.feed(topic, payload)
-        except TwinscrewError as error:
-            detail = f"{topic}: {error}"
-        except Exception as error:  # a fault of ours must stop the boat, not the loop
-            detail = f"{topic}: {type(error).__name__}: {error}"
-        self._fault = True
-        return Outcome(events=(INTERNAL_ERROR.at(self.stamp_ns, detail),))
 
     def _may_drive(self, now_s: float) -> bool:
         status = self.link.status

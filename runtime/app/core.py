@@ -30,6 +30,7 @@ from twinscrew.runtime.messages.types import (
 from twinscrew.runtime.safety.events import (
     BAD_MESSAGE,
     CLOCK_BACK,
+    INTERNAL_ERROR,
     ODOMETRY_JUMP,
     ODOMETRY_MISSING,
     OUT_OF_ORDER,
@@ -76,11 +77,19 @@ class Core:
         return self._latest_ns
 
     def feed(self, topic: str, payload: bytes) -> Outcome:
-        """Take in one message of a core input topic; never raises on what the bytes hold."""
+        """Take in one message of a core input topic; it never raises.
+
+        A fault of the runtime itself is an `internal_error`, after which everything remembered of
+        the surroundings is forgotten: the next scan starts afresh, with the policy asked at once.
+        """
         try:
             return self._doors[topic](payload)
         except MessageError as error:
             return Outcome(events=(BAD_MESSAGE.at(self._latest_ns, f"{topic}: {error}"),))
+        except Exception as error:  # must stop the boat, not the loop
+            self.pipeline.reset()
+            detail = f"{topic}: {type(error).__name__}: {error}"
+            return Outcome(events=(INTERNAL_ERROR.at(self._latest_ns, detail),))
 
     def _engage(self, engagement: Engagement) -> Outcome:
         self._engaged = engagement.engaged

@@ -173,3 +173,19 @@ def test_a_cloud_of_a_million_points_is_worked_on() -> None:
     told = dock.core.feed("points", cdr.encode_point_cloud(cloud(0.0, points)))
     assert told.decision is not None
     assert dock.core.pipeline.perception.report.points == 1_000_000
+
+
+def test_a_fault_of_the_policys_code_is_an_event_and_the_next_scan_asks_again() -> None:
+    dock = Dock()
+    dock.sail(0.0, 1.0)
+    dock.policy.failure = ZeroDivisionError("of ours")
+    (failed,) = dock.sail(1.5, 1.5)
+    assert names(failed) == ["internal_error"]
+    assert failed.events[0].detail == "points: ZeroDivisionError: of ours"
+    assert dock.policy.resets == 1
+    dock.policy.failure = None
+    assert thrusts(dock.sail(1.6, 1.6)) == [[50.0, 50.0]]
+
+
+def test_a_topic_that_is_not_the_cores_is_an_event_too() -> None:
+    assert names(Dock().core.feed("clock", b"")) == ["internal_error"]
