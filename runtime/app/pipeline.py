@@ -13,6 +13,7 @@ from twinscrew.runtime.app.mission import Mission
 from twinscrew.runtime.app.schedule import DecisionSchedule
 from twinscrew.runtime.errors import PolicyError, TwinscrewError
 from twinscrew.runtime.messages.types import (
+    OBSERVED_OBJECTS,
     Decision,
     Float64,
     Goal,
@@ -80,6 +81,16 @@ class Pipeline:
     def set_goal(self, goal: Goal) -> HealthEvent:
         """Replace all goals by one."""
         return self.mission.set_goal(goal)
+
+    def warm_up(self) -> None:
+        """Ask the policy once for nothing: its first answer takes longest."""
+        blank = Observation(
+            ego=np.zeros(7, dtype=np.float32),
+            objects=np.zeros((OBSERVED_OBJECTS, 5), dtype=np.float32),
+            mask=np.zeros(OBSERVED_OBJECTS, dtype=np.float32),
+        )
+        self.policy.act(blank)
+        self.policy.reset()
 
     def reset(self) -> None:
         """Forget the surroundings: the inputs' time, or the vessel's position, has jumped."""

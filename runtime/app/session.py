@@ -111,6 +111,7 @@ class Session:
         transport = open_transport(config.autopilot.connection)
         self._stack.callback(transport.close)
         controller = make_controller(config)
+        controller.core.pipeline.warm_up()
         bus = ZenohBus(config.bus, config.name)
         self._stack.callback(bus.close)
         self._recorder = self._open_recorder(controller.core.pipeline.policy)
