@@ -17,7 +17,7 @@ def update_speed(config: str = "ac_iqn") -> dict[str, float]:
     Returns
     -------
     update_ms
-        [ms] Median of one update, the draw from the replay included.
+        [ms] Median processor time of one update, the draw from the replay included.
     samples_per_s
         [1/s] Transitions learnt from in that time.
     """
@@ -34,9 +34,9 @@ def update_speed(config: str = "ac_iqn") -> dict[str, float]:
         replay.add(torch.randn(100_000, TRANSITION_COLUMNS, generator=agent.generator))
         times = []
         for _ in range(WARM_UP + UPDATES):
-            start = time.perf_counter()
+            start = time.process_time()
             agent.update(replay.sample(settings.batch, agent.generator), 0.0)
-            times.append(time.perf_counter() - start)
+            times.append(time.process_time() - start)
     finally:
         torch.set_num_threads(threads)
     seconds = sorted(times[WARM_UP:])[UPDATES // 2]
