@@ -71,7 +71,7 @@ def _scene(rng: Generator, quays: Float64) -> Scene:
 def _free_place(
     rng: Generator, kind: int, placed: list[tuple[int, Float64]], quays: Float64
 ) -> Float64 | None:
-    """Give a place, evenly spread over distance, that is clear of everything; none after 100 tries."""
+    """Give a place clear of everything, evenly spread over distance; none after 100 tries."""
     for _ in range(100):
         bearing, distance = rng.uniform(-np.pi, np.pi), rng.uniform(5.0, 20.0)
         place = distance * np.array([np.cos(bearing), np.sin(bearing)])

@@ -86,7 +86,7 @@ def _echoes(perception: Perception, scan: Scan) -> tuple[NDArray[np.int32], NDAr
 def _table(
     body: NDArray[np.int32], circle: NDArray[np.int32], bodies: int, circles: int
 ) -> NDArray[np.int64]:
-    """Count the echoes of each body in each circle, (bodies + 1, circles); the last row is water."""
+    """Count each body's echoes in each circle, (bodies + 1, circles); the last row is water."""
     table = np.zeros((bodies + 1, circles), dtype=np.int64)
     inside = circle >= 0
     np.add.at(table, (np.where(body < 0, bodies, body)[inside], circle[inside]), 1)

@@ -1,0 +1,185 @@
+"""Point cloud files of others: KITTI and nuScenes .bin, PCD, npy; axes x forward, y left, z up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twinscrew.runtime.errors import MessageError, one_of
+from twinscrew.runtime.messages.types import Float32
+from twinscrew.runtime.perception.lzf import decompress
+
+RINGS = 256
+"""[-] No LiDAR has more beams: tells nuScenes's ring column from anything else."""
+PCD_TYPES = {"F": "f", "I": "i", "U": "u"}
+
+
+def read_cloud(path: Path) -> Float32:
+    """Read a cloud's points, (N, 3) float32 [m], in the file's own axes.
+
+    Raises
+    ------
+    MessageError
+        The file cannot be read, or is not what its name says.
+    """
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise MessageError(f"{path}: suffix {one_of(path.suffix, READERS)}")
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise MessageError(f"{path}: {error.strerror or error}") from error
+    try:
+        return reader(data)
+    except MessageError as error:
+        raise MessageError(f"{path}: {error}") from error
+
+
+def read_bin(data: bytes) -> Float32:
+    """Read rows of 4 (KITTI: x y z intensity) or 5 (nuScenes: .. and ring) float32."""
+    if len(data) % 4:
+        raise MessageError(f"{len(data)} bytes are no float32 numbers")
+    values = np.frombuffer(data, "<f4")
+    fits = [columns for columns in (4, 5) if values.size % columns == 0]
+    if not fits:
+        raise MessageError(f"{values.size} numbers are no rows of 4 or of 5")
+    if fits == [4, 5]:
+        rings = values[4::5]
+        whole = (rings >= 0) & (rings < RINGS) & (rings == np.trunc(rings))
+        fits = [5] if whole.all() else [4]
+    return np.ascontiguousarray(values.reshape(-1, fits[0])[:, :3])
+
+
+def read_npy(data: bytes) -> Float32:
+    """Read an array (.., 3 or more) of x, y, z, or one with fields of these names."""
+    import io
+
+    try:
+        array = np.load(io.BytesIO(data), allow_pickle=False)
+    except (ValueError, EOFError, OSError) as error:
+        raise MessageError(f"not an npy array of numbers: {error}") from error
+    if not isinstance(array, np.ndarray):
+        raise MessageError("several arrays (npz); one array is needed")
+    if array.dtype.names is not None:
+        return _columns(array.reshape(-1))
+    if array.dtype.kind not in "fiu" or array.ndim < 2 or array.shape[-1] < 3:
+        raise MessageError(f"{array.dtype} array of shape {array.shape} holds no x, y, z")
+    with np.errstate(over="ignore"):
+        return np.ascontiguousarray(array.reshape(-1, array.shape[-1])[:, :3], np.float32)
+
+
+def read_pcd(data: bytes) -> Float32:
+    """Read a PCD: ascii, binary or binary_compressed."""
+    header, body = _pcd_header(data)
+    try:
+        dtype = _pcd_dtype(header)
+        count = int(header["POINTS"][0]) if "POINTS" in header else _size(header)
+        kind = header["DATA"][0].lower()
+    except (KeyError, IndexError, ValueError, TypeError) as error:
+        raise MessageError(f"PCD header: {error!r}") from error
+    if kind not in PCD_BODIES:
+        raise MessageError(f"PCD: DATA {one_of(kind, PCD_BODIES)}")
+    if count < 0:
+        raise MessageError(f"PCD: {count} points")
+    return _columns(PCD_BODIES[kind](body, dtype, count))
+
+
+def _columns(points: NDArray[Any]) -> Float32:
+    """Give x, y, z of a structured array."""
+    names = points.dtype.names or ()
+    missing = [name for name in "xyz" if name not in names]
+    if missing:
+        raise MessageError(f"no field {missing[0]!r}, only {', '.join(names)}")
+    if any(points.dtype[name].base.kind not in "fiu" for name in "xyz"):
+        raise MessageError("fields x, y, z are not numbers")
+    with np.errstate(over="ignore"):
+        columns = [points[name].reshape(len(points), -1)[:, 0] for name in "xyz"]
+        return np.stack(columns, axis=1).astype(np.float32)
+
+
+def _pcd_header(data: bytes) -> tuple[dict[str, list[str]], bytes]:
+    header: dict[str, list[str]] = {}
+    at = 0
+    while at < len(data):
+        end = data.find(b"\n", at)
+        end = len(data) if end < 0 else end
+        words = data[at:end].decode("ascii", "replace").split()
+        at = end + 1
+        if words and not words[0].startswith("#"):
+            header[words[0].upper()] = words[1:]
+            if words[0].upper() == "DATA":
+                return header, data[at:]
+    raise MessageError("not a PCD: no DATA line")
+
+
+def _size(header: dict[str, list[str]]) -> int:
+    return int(header["WIDTH"][0]) * int(header["HEIGHT"][0])
+
+
+def _pcd_dtype(header: dict[str, list[str]]) -> np.dtype[Any]:
+    names = header["FIELDS"]
+    counts = [int(c) for c in header.get("COUNT", ["1"] * len(names))]
+    if min(counts, default=0) < 1:
+        raise ValueError("COUNT must be at least 1")
+    fields = []
+    for i, (name, size, kind, count) in enumerate(
+        zip(names, header["SIZE"], header["TYPE"], counts, strict=True)
+    ):
+        unique = name if name not in names[:i] and name != "_" else f"_{i}"  # padding repeats
+        fields.append((unique, f"<{PCD_TYPES[kind.upper()]}{int(size)}", (count,)))
+    return np.dtype(fields)
+
+
+def _ascii(body: bytes, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
+    width = sum(int(np.prod(dtype[name].shape)) for name in dtype.names or ())
+    words = body.split()
+    if len(words) != width * count:
+        raise MessageError(f"PCD: {len(words)} numbers, not {count} rows of {width}")
+    try:
+        table = np.array(words, dtype=np.float64).reshape(count, width)
+    except ValueError as error:
+        raise MessageError(f"PCD: {error}") from error
+    points, at = np.zeros(count, dtype=[(n, "<f8") for n in dtype.names or ()]), 0
+    for name in dtype.names or ():
+        points[name] = table[:, at] if count else 0.0
+        at += int(np.prod(dtype[name].shape))
+    return points
+
+
+def _binary(body: bytes, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
+    if len(body) < count * dtype.itemsize:
+        raise MessageError(f"PCD: {len(body)} bytes, not {count} points of {dtype.itemsize}")
+    return np.frombuffer(body, dtype, count)
+
+
+def _compressed(body: bytes, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
+    """Uncompress; the fields lie one after another, each with all its points."""
+    if len(body) < 8:
+        raise MessageError("PCD: no sizes before the compressed points")
+    packed, size = (int(n) for n in np.frombuffer(body, "<u4", 2))
+    if size != count * dtype.itemsize or len(body) < 8 + packed:
+        raise MessageError(f"PCD: {size} bytes uncompressed, not {count} of {dtype.itemsize}")
+    data = decompress(body[8 : 8 + packed], size)
+    points, at = np.zeros(count, dtype), 0
+    for name in dtype.names or ():
+        field = dtype[name]
+        values = np.frombuffer(data, field.base, count * int(np.prod(field.shape)), at)
+        points[name] = values.reshape(count, *field.shape)
+        at += count * field.itemsize
+    return points
+
+
+READERS: dict[str, Callable[[bytes], Float32]] = {
+    ".bin": read_bin,
+    ".npy": read_npy,
+    ".pcd": read_pcd,
+}
+PCD_BODIES: dict[str, Callable[[bytes, np.dtype[Any], int], NDArray[Any]]] = {
+    "ascii": _ascii,
+    "binary": _binary,
+    "binary_compressed": _compressed,
+}

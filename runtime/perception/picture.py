@@ -1,0 +1,97 @@
+"""A picture of a scan: the range image, its objects, and both from above."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twinscrew.runtime.errors import TwinscrewError
+from twinscrew.runtime.messages.types import Float64, Objects, PointCloud
+from twinscrew.runtime.perception.stage import Perception
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLOURS = 20
+"""[-] Colours of the map tab20, used in turn."""
+
+
+def draw(
+    perception: Perception,
+    cloud: PointCloud,
+    objects: Objects,
+    file: Path,
+    truth: Float64 | None = None,
+) -> None:
+    """Draw the scan just perceived.
+
+    Parameters
+    ----------
+    truth : (T, 3) float64
+        True forward, starboard and radius [m], drawn dashed in the view from above.
+
+    Raises
+    ------
+    TwinscrewError
+        No matplotlib, or a file that cannot be written.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise TwinscrewError("--plot needs matplotlib: pip install 'twinscrew[sim]'") from error
+    figure = Figure(figsize=(11, 11), layout="constrained")
+    axes = figure.subplots(3, 1, height_ratios=[1, 1, 5])
+    _draw_image(axes[0], perception.range_image(), "range [m]", perception)
+    _draw_image(axes[1], perception.object_image(), "objects", perception)
+    _draw_above(axes[2], perception, cloud, objects, truth)
+    try:
+        figure.savefig(file, dpi=120)
+    except (OSError, ValueError) as error:
+        raise TwinscrewError(f"{file}: {error}") from error
+
+
+def _draw_image(axes: Axes, image: Any, title: str, perception: Perception) -> None:
+    empty = image <= 0 if image.dtype.kind == "f" else image < 0
+    shown = np.ma.masked_where(empty, image if image.dtype.kind == "f" else image % COLOURS)
+    sensor = perception.sensor
+    first = np.degrees(sensor.first_azimuth)
+    last = first + np.degrees(sensor.azimuth_step) * image.shape[1]
+    axes.imshow(
+        shown,
+        origin="lower",
+        aspect="auto",
+        interpolation="nearest",
+        cmap="viridis" if image.dtype.kind == "f" else "tab20",
+        extent=(first, last, 0, image.shape[0]),
+    )
+    axes.set(title=title, xlabel="azimuth, clockwise [deg]", ylabel="beam")
+
+
+def _draw_above(
+    axes: Axes,
+    perception: Perception,
+    cloud: PointCloud,
+    objects: Objects,
+    truth: Float64 | None,
+) -> None:
+    from matplotlib.patches import Circle
+
+    number, used = perception.object_image(), perception.point_image() >= 0
+    points_S = cloud.points_S[perception.point_image()[used]]
+    p_B = points_S @ perception.sensor.R_BS.T + perception.sensor.mount_position_B
+    colour = np.where(number[used] < 0, -1, number[used] % COLOURS)
+    free = colour < 0
+    axes.scatter(p_B[free, 1], p_B[free, 0], s=1, c="lightgrey")
+    axes.scatter(
+        p_B[~free, 1], p_B[~free, 0], s=1, c=colour[~free], cmap="tab20", vmin=0, vmax=COLOURS - 1
+    )
+    for (x, y), radius in zip(objects.p_B, objects.radius, strict=True):
+        axes.add_patch(Circle((y, x), radius, fill=False, color="black", linewidth=0.8))
+    for x, y, radius in truth if truth is not None else ():
+        axes.add_patch(Circle((y, x), radius, fill=False, color="red", linestyle="--"))
+    axes.plot(0, 0, "k^")
+    reach = perception.settings.max_range_m
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+    axes.set(title="from above", xlabel="starboard [m]", ylabel="forward [m]")
