@@ -10,6 +10,7 @@ docs/tracking.md), so the share is a setting; what remains is left to the filter
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -21,17 +22,23 @@ from twinscrew.runtime.settings import NonNegative, Positive, Settings
 class MeasurementSettings(Settings, frozen=True):
     """How the visible centroid relates to the centre; figures: docs/tracking.md."""
 
-    depth_m: NonNegative = 0.35
-    """[m] Expected distance of the centre behind the visible centroid."""
+    range_m: tuple[NonNegative, ...] = (7.2, 10.0, 16.5, 19.5)
+    """[m] Distances of a hull's centroid, at which"""
+    depth_m: tuple[float, ...] = (0.02, 0.48, 0.45, 1.0)
+    """[m] its centre is expected this far behind; linear in between, constant outside."""
+    small_depth_m: NonNegative = 0.32
+    """[m] The same for a buoy, at any distance."""
+    buoy_hull_m: tuple[Positive, Positive] = (0.7, 1.5)
+    """[m] Up to the first radius all is a buoy, from the second on a hull; linear in between."""
     bias_along: NonNegative = 0.08
     """[-] Standard deviation of that distance over aspects, as a share of the radius."""
     bias_across: NonNegative = 0.07
     """[-] Standard deviation of the centroid's offset across the line of sight, likewise."""
-    bias_time_s: Positive = 2.0
+    bias_time_s: Positive = 1.5
     """[s] Time constant with which both wander."""
     sigma_m: Positive = 0.01
     """[m] White noise of a centroid with many points: sensor and waves."""
-    scatter: NonNegative = 0.3
+    scatter: NonNegative = 0.4
     """[-] White noise of a single-point centroid, as a share of the radius; falls with the root of
     the number of points."""
     jump: NonNegative = 0.3
@@ -43,6 +50,14 @@ class MeasurementSettings(Settings, frozen=True):
     """[m] A centroid farther than this may be that of a part: the rest is out of range."""
     edge_sigma: NonNegative = 0.15
     """[-] White noise there, as a share of the radius."""
+
+    def __post_init__(self) -> None:
+        """Refuse a table that is none."""
+        if len(self.range_m) != len(self.depth_m) or not self.range_m:
+            raise ValueError("range_m and depth_m must be as long as each other, and not empty")
+        rising = (*pairwise(self.range_m), self.buoy_hull_m)
+        if any(low >= high for low, high in rising):
+            raise ValueError("range_m and buoy_hull_m must rise")
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +95,7 @@ def measure(objects: Objects, odometry: Odometry, settings: MeasurementSettings)
     p_BN = p_B @ R_NB.T
     distance = np.hypot(p_BN[:, 0], p_BN[:, 1])
     along = p_BN / np.maximum(distance, 1e-9)[:, None]
-    z_N = odometry.position_N[:2] + p_BN + along * settings.depth_m
+    z_N = odometry.position_N[:2] + p_BN + along * depth(distance, radius, settings)[:, None]
     variance = (
         settings.sigma_m**2
         + (settings.scatter * radius) ** 2 / np.maximum(points, 1)
@@ -90,6 +105,24 @@ def measure(objects: Objects, odometry: Odometry, settings: MeasurementSettings)
     return Measurements(
         z_N=z_N, H=observation_matrix(along), R=R, radius=radius, gate=(settings.jump * radius) ** 2
     )
+
+
+def depth(distance: Float64, radius: Float64, settings: MeasurementSettings) -> Float64:
+    """Give how far centres are expected behind visible centroids, (K,) [m].
+
+    Parameters
+    ----------
+    distance : (K,) float64
+        From the vessel to the centroids [m].
+    radius : (K,) float64
+        As seen [m].
+    settings
+        The table.
+    """
+    hull = np.interp(distance, settings.range_m, settings.depth_m)
+    share = np.interp(radius, settings.buoy_hull_m, (0.0, 1.0))
+    expected: Float64 = settings.small_depth_m + share * (hull - settings.small_depth_m)
+    return expected
 
 
 def observation_matrix(along: Float64) -> Float64:

@@ -41,7 +41,7 @@ class TrackerSettings(Settings, frozen=True):
     """[m2/s3] Density of the white acceleration of what is under way."""
     rest_psd: Positive = 0.05
     """[m2/s3] The same of what lies still: buoys do not speed up."""
-    under_way_mps: Positive = 0.4
+    under_way_mps: Positive = 0.3
     """[m/s] At this speed the density is half-way between the two (paper: slower is no vessel)."""
     first_speed_mps: Positive = 2.0
     """[m/s] Standard deviation of each velocity component of an object just met."""

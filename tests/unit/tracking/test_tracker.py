@@ -14,7 +14,9 @@ _spec = importlib.util.spec_from_file_location("scene", Path(__file__).with_name
 scene = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(scene)
 
-POINTS = TrackerSettings(measurement=MeasurementSettings(depth_m=0.0))
+POINTS = TrackerSettings(
+    measurement=MeasurementSettings(range_m=(10.0,), depth_m=(0.0,), small_depth_m=0.0)
+)
 """Objects without a visible side: centroids are centres."""
 
 
@@ -46,7 +48,7 @@ def test_the_motion_of_the_own_vessel_is_not_that_of_a_buoy():
 
 
 def test_the_expected_depth_moves_the_track_away_from_the_sensor():
-    settings = TrackerSettings(measurement=MeasurementSettings(depth_m=0.5))
+    settings = TrackerSettings(measurement=MeasurementSettings(range_m=(10.0,), depth_m=(0.5,)))
     answers = scene.follow(Tracker(settings), lambda t: [[10.0, 0.0]], 10, radius=2.0)
     assert answers[-1].p_N[0] == pytest.approx([10.5, 0.0], abs=1e-6)
 

@@ -1,0 +1,55 @@
+"""Pieces of one hull become one object; two objects stay two."""
+
+import numpy as np
+import pytest
+
+from twinscrew.runtime.messages.types import Objects
+from twinscrew.runtime.tracking.fragments import join_fragments
+
+
+def objects(*rows):
+    table = np.array(rows, dtype=float).reshape(-1, 4)
+    return Objects(
+        stamp_ns=7, p_B=table[:, :2], radius=table[:, 2], points=table[:, 3].astype(np.int64)
+    )
+
+
+def join(seen, *circles):
+    table = np.array(circles, dtype=float).reshape(-1, 3)
+    return join_fragments(seen, table[:, :2], table[:, 2])
+
+
+def test_pieces_within_one_circle_are_joined_by_their_points():
+    whole = join(objects((10, -1, 0.5, 300), (10, 1, 0.6, 100)), (10, 0, 2.5))
+    assert whole.p_B == pytest.approx(np.array([[10.0, -0.5]]))
+    assert whole.points.tolist() == [400]
+    assert whole.stamp_ns == 7
+
+
+def test_the_joined_circle_holds_the_pieces_circles():
+    whole = join(objects((10, -1, 0.5, 300), (10, 1, 0.6, 100)), (10, 0, 2.5))
+    assert whole.radius[0] == pytest.approx(1.5 + 0.6)
+
+
+def test_what_lies_outside_stays_as_it_is():
+    whole = join(objects((10, -1, 0.5, 30), (10, 1, 0.6, 30), (3, 3, 0.7, 50)), (10, 0, 2.5))
+    assert len(whole.p_B) == 2
+    assert whole.p_B[1].tolist() == [3.0, 3.0]
+    assert (whole.radius[1], whole.points[1]) == (0.7, 50)
+
+
+def test_one_object_a_circle_is_left_alone():
+    seen = objects((10, 0, 2.0, 300), (3, 3, 0.7, 50))
+    assert join(seen, (10, 0, 2.5), (3, 3, 1.0)) is seen
+
+
+def test_nothing_known_joins_nothing():
+    seen = objects((10, -1, 0.5, 300), (10, 1, 0.6, 100))
+    assert join(seen) is seen
+
+
+def test_a_piece_belongs_to_the_older_track_only():
+    seen = objects((10, 0, 0.5, 100), (11, 0, 0.5, 100), (12, 0, 0.5, 100))
+    whole = join(seen, (10.4, 0, 1.0), (11.6, 0, 1.0))
+    assert len(whole.p_B) == 2
+    assert whole.points.tolist() == [200, 100]

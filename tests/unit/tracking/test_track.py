@@ -1,0 +1,60 @@
+"""One track: its first covariance, its update, its jumps."""
+
+import numpy as np
+import pytest
+
+from twinscrew.runtime.tracking.measurement import observation_matrix
+from twinscrew.runtime.tracking.track import Track, first_covariance, inverse_2x2
+
+H = observation_matrix(np.array([[0.6, 0.8]]))[0]
+R = np.diag([0.01, 0.02])
+PRIOR = np.array([0.0, 0.0, 4.0, 4.0, 0.09, 0.04])
+
+
+def track():
+    return Track(np.array([5.0, 6.0]), H, R, 2.0, PRIOR)
+
+
+def test_the_first_covariance_is_the_limit_of_a_vague_prior():
+    P = np.diag([1e9, 1e9, *PRIOR[2:]])
+    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+    updated = (np.eye(6) - K @ H) @ P
+    assert first_covariance(H, R, PRIOR) == pytest.approx(updated, abs=1e-4)
+
+
+def test_a_small_innovation_is_left_to_the_filter():
+    one, same = track(), track()
+    z = H @ one.filter.x + 0.05
+    one.update(z, H, R, jump_sigma=2.0)
+    same.filter.update(z, R=R, H=H)
+    assert np.array_equal(one.filter.x, same.filter.x)
+
+
+def test_a_jump_goes_to_the_bias_and_not_to_the_velocity():
+    jumping, plain = track(), track()
+    for each in (jumping, plain):
+        for _ in range(20):
+            F = np.eye(6)
+            F[0, 2] = F[1, 3] = 0.1
+            each.predict(0.1, F, np.zeros((6, 6)))
+            each.update(H @ np.array([5, 6, 0, 0, 0, 0.0]), H, R, jump_sigma=np.inf)
+    z = H @ np.array([5, 6, 0, 0, 0, 0.0]) + np.array([1.5, 0.0])
+    jumping.update(z, H, R, jump_sigma=2.0)
+    plain.update(z, H, R, jump_sigma=np.inf)
+    assert np.hypot(*jumping.filter.x[2:4]) < 0.7 * np.hypot(*plain.filter.x[2:4])
+    assert np.hypot(*jumping.filter.x[4:]) > 2 * np.hypot(*plain.filter.x[4:])
+
+
+def test_covariances_stay_symmetric_and_positive():
+    one, rng = track(), np.random.default_rng(0)
+    for _ in range(200):
+        one.predict(0.1, np.eye(6), 1e-3 * np.eye(6))
+        one.update(np.array([5.0, 6.0]) + rng.normal(size=2), H, R, jump_sigma=2.0)
+    P = one.filter.P
+    assert np.allclose(P, P.T)
+    assert np.linalg.eigvalsh(P).min() > 0.0
+
+
+def test_the_short_inverse_is_the_inverse():
+    S = np.array([[2.0, 0.3], [0.4, 1.0]])
+    assert inverse_2x2(S) @ S == pytest.approx(np.eye(2))
