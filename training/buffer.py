@@ -37,6 +37,21 @@ def split_rows(rows: Tensor) -> Batch:
     return Batch(unpack(first), action, reward.squeeze(1), discount.squeeze(1), unpack(last))
 
 
+def to_device(batch: Batch, device: torch.device) -> Batch:
+    """Move what an agent learns from; the places belong to the replay and stay."""
+    if device.type == "cpu":
+        return batch
+    return Batch(
+        observations=Observations(*(part.to(device) for part in batch.observations)),
+        action=batch.action.to(device),
+        reward=batch.reward.to(device),
+        discount=batch.discount.to(device),
+        next_observations=Observations(*(part.to(device) for part in batch.next_observations)),
+        weight=None if batch.weight is None else batch.weight.to(device),
+        places=batch.places,
+    )
+
+
 class ReplayBuffer:
     """The last `capacity` transitions."""
 

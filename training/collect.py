@@ -74,7 +74,8 @@ class Collector:
         """Give actions, (E V, 2): the agent's with noise, or now and then random ones."""
         slots = len(self._rows)
         chance = 1.0 if random else epsilon(self.settings.exploration, step)
-        action: Float32 = agent.act(unpack(torch.from_numpy(self._rows)), explore=True).numpy()
+        seen = unpack(torch.from_numpy(self._rows).to(agent.device))
+        action: Float32 = agent.act(seen, explore=True).cpu().numpy()
         if agent.continuous and self.settings.exploration.noise > 0.0:
             action = np.clip(action + self._noise.step(), -1.0, 1.0)
         dice = self._generator.random(slots) < chance

@@ -143,7 +143,7 @@ class Pilot(nn.Module):
         super().__init__()
         self.see = see
         self.actor = actor
-        factors = torch.tensor([1.0, 1.0, 1.0, 1.0, radius_margin])
+        factors = torch.tensor([1.0, 1.0, 1.0, 1.0, radius_margin], device=see.ego_scale.device)
         self.register_buffer("factors", factors, persistent=False)
 
     def forward(self, observations: Observations) -> Tensor:

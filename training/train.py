@@ -15,7 +15,7 @@ from twinscrew.runtime.errors import ConfigError
 from twinscrew.training import runs
 from twinscrew.training.agents.base import Metrics
 from twinscrew.training.agents.registry import algorithm, make_agent
-from twinscrew.training.buffer import Batch, ReplayBuffer
+from twinscrew.training.buffer import Batch, ReplayBuffer, to_device
 from twinscrew.training.collect import Collector
 from twinscrew.training.logs import Logs, Progress
 from twinscrew.training.priority import PrioritisedReplay
@@ -88,7 +88,7 @@ class Training:
         self.updates += self.settings.updates_per_step
         while self.updates >= 1.0:
             batch = self.replay.sample(self.settings.batch, self.generator)
-            metrics = self.agent.update(batch, progress)
+            metrics = self.agent.update(to_device(batch, self.agent.device), progress)
             self._reprioritise(batch, metrics)
             self.updates -= 1.0
         return metrics

@@ -27,6 +27,7 @@ class NetworkPolicy:
 
     def __init__(self, network: nn.Module, period_s: float) -> None:
         self._network = network
+        self._device = next(network.parameters()).device
         self.period_s = period_s
 
     def begin(self, episodes: int, vessels: int) -> None:
@@ -34,11 +35,11 @@ class NetworkPolicy:
 
     def rates(self, seen: Seen, active: Mask) -> Float64:
         """Give thrust rates, (E, V, 2) [N/s]."""
-        parts = [torch.from_numpy(part[active]) for part in seen]
+        parts = [torch.from_numpy(part[active]).to(self._device) for part in seen]
         with torch.no_grad():
             action = self._network(Observations(*parts))
         rates = np.zeros((*active.shape, 2))
-        rates[active] = action.numpy() * RATE_LIMIT
+        rates[active] = action.cpu().numpy() * RATE_LIMIT
         return rates
 
 

@@ -45,7 +45,8 @@ class Greedy(nn.Module):
     def __init__(self, values: nn.Module) -> None:
         super().__init__()
         self.values = values
-        self.register_buffer("table", action_table(), persistent=False)
+        device = next((p.device for p in values.parameters()), None)
+        self.register_buffer("table", action_table().to(device), persistent=False)
 
     def forward(self, seen: Seen) -> Tensor:
         """Give actions (B, 2)."""

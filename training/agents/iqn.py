@@ -57,7 +57,9 @@ class MeanOverFractions(nn.Module):
     def __init__(self, quantiles: QuantileQNetwork, count: int) -> None:
         super().__init__()
         self.quantiles = quantiles
-        self.register_buffer("fractions", (torch.arange(count) + 0.5) / count, persistent=False)
+        fractions = (torch.arange(count) + 0.5) / count
+        fractions = fractions.to(quantiles.output.weight.device)
+        self.register_buffer("fractions", fractions, persistent=False)
 
     def forward(self, seen: Seen) -> Tensor:
         """Give values (B, A)."""
