@@ -93,14 +93,19 @@ def _table(
     return table
 
 
+def body_frame(scene: Scene, number: int) -> Float64:
+    """Give where a body's origin is, (2,) [m], in the levelled frame of body 0."""
+    p_N, forward = scene.bodies.position_N, scene.bodies.R_NB[0][:2, 0]
+    x, y = forward / np.hypot(*forward)
+    offset: Float64 = (p_N[number] - p_N[0])[:2]
+    return np.array([[x, y], [-y, x]]) @ offset
+
+
 def _judge(
     scene: Scene, objects: Objects, shares: Float64, purities: Float64, number: int
 ) -> tuple[Truth, int]:
     """Judge one true object by its share in each circle and its purity there."""
-    p_N = scene.bodies.position_N
-    forward = scene.bodies.R_NB[0][:2, 0] / np.hypot(*scene.bodies.R_NB[0][:2, 0])
-    R_BN = np.array([forward, [-forward[1], forward[0]]])
-    p_B = R_BN @ (p_N[number] - p_N[0])[:2]
+    p_B = body_frame(scene, number)
     best = int(np.argmax(shares)) if len(shares) else -1
     found = best >= 0 and bool(shares[best] >= SHARE and purities[best] >= PURITY)
     off = float(np.hypot(*(objects.p_B[best] - p_B))) if found else np.nan

@@ -1,0 +1,140 @@
+"""How well perception finds what is there, and how fast its kernel is against numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+
+from twinscrew.hil_sim.bench.perception_numpy import project as numpy_project
+from twinscrew.hil_sim.bench.perception_numpy import segment as numpy_segment
+from twinscrew.hil_sim.bench.perception_scenes import QUAY, RADII, Scene, harbour_scene, open_scene
+from twinscrew.hil_sim.bench.perception_score import Score, Truth, body_frame, score
+from twinscrew.hil_sim.bench.scenes import basin
+from twinscrew.hil_sim.bench.timing import Stopwatch, garbage_at_rest
+from twinscrew.hil_sim.lidar import LidarSettings, Scan
+from twinscrew.runtime.messages.types import Objects
+from twinscrew.runtime.perception.picture import draw
+from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.perception.stage import Perception
+
+SCENES = 250
+"""[-] Random scenes of each kind."""
+BINS = (5.0, 8.0, 11.0, 14.0, 17.0, 20.0)
+"""[m] Edges of the distances that are told apart."""
+LIDAR = LidarSettings(water_echoes=0.3)
+KINDS: dict[str, Callable[[Generator], Scene]] = {"open": open_scene, "harbour": harbour_scene}
+SENSORS = ("vrx32", "vrx16")
+DENSE = 30_000
+"""[-] Echoes of the scan on which the kernel is compared with numpy."""
+REPETITIONS = 60
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def run(plot: Path | None = None, scenes: int = SCENES) -> dict[str, Any]:
+    """Measure: {"perception": {sensor: {kind: figures}, "segmentation_vs_numpy": ..}}.
+
+    Parameters
+    ----------
+    plot
+        A folder for pictures of one scene of each kind.
+    scenes
+        [-] Scenes of each kind.
+    """
+    found: dict[str, Any] = {
+        name: {kind: _figures(_scores(name, make, scenes)) for kind, make in KINDS.items()}
+        for name in SENSORS
+    }
+    found["segmentation_vs_numpy"] = compare_with_numpy()
+    if plot is not None:
+        plot.mkdir(parents=True, exist_ok=True)
+        for kind, make in KINDS.items():
+            draw_scene(make, plot / f"perception_{kind}.png")
+    return {"perception": found}
+
+
+def compare_with_numpy(repetitions: int = REPETITIONS) -> dict[str, float]:
+    """Time projection and segmentation of a dense scan by the kernel, and by numpy and scipy."""
+    perception = Perception(load_sensor("vrx32"))
+    clouds = [basin(perception.sensor, DENSE, seed) for seed in range(repetitions)]
+    watch = Stopwatch()
+    with garbage_at_rest():
+        for cloud in clouds:
+            with watch.time("project"):
+                perception.project(cloud, LEVEL)
+            with watch.time("segment"):
+                perception.segment()
+        for cloud in clouds:
+            with watch.time("numpy project"):
+                image = numpy_project(cloud.points_S, perception.sensor, perception.settings)
+            with watch.time("numpy segment"):
+                numpy_segment(image, perception.sensor, perception.settings)
+    ms = {name: watch.median_ms(name) for name in watch.all_figures()}
+    kernel, plain = ms["project"] + ms["segment"], ms["numpy project"] + ms["numpy segment"]
+    return {
+        "points": DENSE,
+        **{f"{name.replace(' ', '_')}_ms": round(value, 4) for name, value in ms.items()},
+        "segment_ratio": round(ms["numpy segment"] / ms["segment"], 1),
+        "ratio": round(plain / kernel, 1),
+    }
+
+
+def draw_scene(make: Callable[[Generator], Scene], file: Path, seed: int = 4) -> None:
+    """Draw one scene with its truth."""
+    rng = np.random.default_rng(seed)
+    scene = make(rng)
+    perception = Perception(load_sensor("vrx32"))
+    scan, objects = _perceive(perception, scene, rng)
+    bodies = scene.bodies
+    afloat = np.flatnonzero((bodies.shape < QUAY) & (np.arange(len(bodies.shape)) > 0))
+    truth = [(*body_frame(scene, int(k)), RADII[int(bodies.shape[k])]) for k in afloat]
+    draw(perception, scan.cloud, objects, file, np.array(truth).reshape(-1, 3))
+
+
+def _scores(name: str, make: Callable[[Generator], Scene], scenes: int) -> list[Score]:
+    perception, rng = Perception(load_sensor(name)), np.random.default_rng(1)
+    scores = []
+    for _ in range(scenes):
+        scene = make(rng)
+        scan, objects = _perceive(perception, scene, rng)
+        scores.append(score(perception, scene, scan, objects))
+    return scores
+
+
+def _perceive(perception: Perception, scene: Scene, rng: Generator) -> tuple[Scan, Objects]:
+    scan = scene.scan(perception.sensor, LIDAR, rng)
+    return scan, perception.step(scan.cloud, scene.q_NB)
+
+
+def _figures(scores: list[Score]) -> dict[str, Any]:
+    truths = [truth for one in scores for truth in one.truths]
+    circles = sum(one.circles for one in scores)
+    by_distance = {
+        f"{low:.0f}-{high:.0f} m": _shares([t for t in truths if low <= t.distance < high])
+        for low, high in pairwise(BINS)
+    }
+    return {
+        **_shares(truths),
+        "circles": circles,
+        "false": round(sum(one.false for one in scores) / max(circles, 1), 4),
+        "on_own_hull": sum(one.on_hull for one in scores),
+        "by_distance": by_distance,
+    }
+
+
+def _shares(truths: list[Truth]) -> dict[str, float]:
+    """Give the shares found, split and merged, and the mean errors of those found."""
+    count = max(len(truths), 1)
+    found = [truth for truth in truths if truth.found]
+    return {
+        "objects": len(truths),
+        "found": round(len(found) / count, 4),
+        "split": round(sum(truth.split for truth in truths) / count, 4),
+        "merged": round(sum(truth.merged for truth in truths) / count, 4),
+        "position_error_m": round(float(np.mean([t.position_error for t in found] or [0.0])), 3),
+        "radius_error_m": round(float(np.mean([t.radius_error for t in found] or [0.0])), 3),
+    }
