@@ -88,5 +88,5 @@ def test_what_cannot_be_used_is_refused_with_file_key_value_and_what_is_allowed(
 
 
 def test_a_file_that_is_not_there_is_refused_by_name(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="none.toml: No such file"):
+    with pytest.raises(ConfigError, match=r"none\.toml: No such file"):
         load_config(tmp_path / "none.toml")

@@ -1,0 +1,47 @@
+"""Runs the command line as users do: in a process of its own."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+GIVE_UP_S = 250
+"""[s] A command that hangs must not hang the tests; far beyond what any takes."""
+TWINSCREW = (sys.executable, "-m", "twinscrew.runtime.app")
+
+
+def twinscrew(*words: object, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end."""
+    return subprocess.run(
+        [*TWINSCREW, *map(str, words)],
+        capture_output=True,
+        text=True,
+        timeout=GIVE_UP_S,
+        env=_environment(environment),
+    )
+
+
+def start(*words: object, log: Path) -> subprocess.Popen[bytes]:
+    """Start a command; what it says on standard error goes to a file."""
+    with log.open("wb") as stream:
+        return subprocess.Popen(
+            [*TWINSCREW, *map(str, words)],
+            stdout=subprocess.DEVNULL,
+            stderr=stream,
+            env=_environment({}),
+        )
+
+
+def as_json(finished: subprocess.CompletedProcess[str]) -> dict[str, Any]:
+    """Give the one JSON object on standard output."""
+    assert finished.stdout, finished.stderr
+    answer: dict[str, Any] = json.loads(finished.stdout)
+    return answer
+
+
+def _environment(changes: dict[str, str]) -> dict[str, str]:
+    return {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", **changes}

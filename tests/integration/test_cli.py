@@ -1,0 +1,95 @@
+"""The command line's manners: what it lists, refuses and loads."""
+
+import subprocess
+import sys
+
+import pytest
+from tests.harness.commands import twinscrew
+
+COMMANDS = ("sitl", "run", "train", "export", "evaluate", "replay", "bench", "doctor")
+HEAVY = ("torch", "matplotlib", "onnxruntime", "scipy", "zenoh", "twinscrew.hil_sim")
+
+
+def loaded_by(*words: str) -> list[str]:
+    """Give which heavy modules a command loads."""
+    code = f"""
+import sys
+sys.argv = {["twinscrew", *words]!r}
+from twinscrew.runtime.app.cli import main
+try:
+    main()
+finally:
+    print("LOADED", *(name for name in {HEAVY!r} if name in sys.modules))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=250)
+    (line,) = [line for line in done.stdout.splitlines() if line.startswith("LOADED")]
+    return line.split()[1:]
+
+
+def test_help_lists_every_command_with_what_it_does() -> None:
+    done = twinscrew("--help")
+    assert done.returncode == 0
+    for command in COMMANDS:
+        assert command in done.stdout
+    assert "what is deployed on the boat" in done.stdout
+
+
+def test_help_loads_nothing_heavy() -> None:
+    assert loaded_by("--help") == []
+
+
+def test_a_boats_commands_load_neither_torch_nor_the_simulator() -> None:
+    loaded = loaded_by("doctor", "--json")
+    assert "onnxruntime" in loaded  # it looked at the policy, so this test can see what is loaded
+    assert not {"torch", "matplotlib", "twinscrew.hil_sim"} & set(loaded)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_help(command: str) -> None:
+    done = twinscrew(command, "--help")
+    assert done.returncode == 0
+    assert command in done.stdout
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("sail",),
+        ("--fast",),
+        ("run",),
+        ("sitl", "--vessels", "three"),
+        ("sitl", "--vessels", "0"),
+        ("sitl", "--seed", "-1"),
+        ("replay",),
+    ],
+)
+def test_wrong_usage_is_status_2_and_silent_on_standard_output(words: tuple[str, ...]) -> None:
+    done = twinscrew(*words)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("run", "--config", "none.toml"), ["none.toml", "No such file"]),
+        (("replay", "none"), ["none"]),
+        (("sitl", "--scenario", "storm"), ["storm", "head_on"]),
+        (("sitl", "--scenario", "head_on", "--vessels", "3"), ["head_on.toml", "vessels", "3"]),
+        (("sitl", "--max-time", "0", "--lockstep"), ["--max-time", "greater than 0"]),
+        (("sitl", "--max-time", "nan", "--lockstep"), ["--max-time", "greater than 0"]),
+        (("bench", "--only", "everything"), ["--only", "everything", "latency"]),
+        (("doctor", "--config", "none.toml"), ["none.toml"]),
+    ],
+)
+def test_what_is_refused_is_one_line_on_standard_error_and_status_2(
+    words: tuple[str, ...], told: list[str]
+) -> None:
+    done = twinscrew(*words)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("twinscrew: error: ")
+    for word in told:
+        assert word in line
