@@ -88,10 +88,10 @@ def measure(objects: Objects, odometry: Odometry, settings: MeasurementSettings)
     settings
         How the centroid relates to the centre.
     """
-    finite = np.isfinite(objects.p_B).all(axis=1) & np.isfinite(objects.radius)
-    finite &= bool(np.isfinite(odometry.position_N[:2]).all() and np.isfinite(odometry.heading))
-    p_B, radius, points = objects.p_B[finite], objects.radius[finite], objects.points[finite]
     R_NB = rotation_2d(odometry.heading)
+    finite = np.isfinite(objects.p_B).all(axis=1) & np.isfinite(objects.radius)
+    finite &= bool(np.isfinite(odometry.position_N[:2]).all() and np.isfinite(R_NB[0, 0]))
+    p_B, radius, points = objects.p_B[finite], objects.radius[finite], objects.points[finite]
     p_BN = p_B @ R_NB.T
     distance = np.hypot(p_BN[:, 0], p_BN[:, 1])
     along = p_BN / np.maximum(distance, 1e-9)[:, None]
