@@ -19,7 +19,9 @@ from twinscrew.runtime.app.latency import Latencies
 from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.app.session import metadata_of
+from twinscrew.runtime.app.transforms import Frames
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Odometry
+from twinscrew.runtime.perception.sensor import load_sensor
 
 
 class LockstepVessel:
@@ -35,7 +37,13 @@ class LockstepVessel:
         self._epoch_ns = epoch_ns
         self._now_s = 0.0
         self._recorder = self._open_recorder()
-        self.outlet = Outlet(None, self._recorder, vessel=config.name, clock_ns=self._log_time)
+        self.outlet = Outlet(
+            None,
+            self._recorder,
+            vessel=config.name,
+            frames=Frames(load_sensor(config.sensor)),
+            clock_ns=self._log_time,
+        )
 
     def deliver(self, topic: str, payload: bytes, now_s: float) -> None:
         """Hand a message to the runtime, and what it commands at once to the autopilot."""

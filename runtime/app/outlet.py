@@ -8,6 +8,7 @@ from contextlib import suppress
 
 from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.app.recording import DecisionHash
+from twinscrew.runtime.app.transforms import Frames
 from twinscrew.runtime.bus.base import Bus
 from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.messages import cdr
@@ -23,6 +24,7 @@ class Outlet:
         recorder: Recorder | None,
         *,
         vessel: str = "",
+        frames: Frames | None = None,
         clock_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         """Tell things to a bus and a recorder, either of which may be missing.
@@ -31,6 +33,8 @@ class Outlet:
         ----------
         vessel
             Whose health events these are.
+        frames
+            Follows where the frames are; None to record no transforms.
         clock_ns
             [ns] Gives the recording's log times; replays do not depend on them.
         """
@@ -38,6 +42,7 @@ class Outlet:
         self._bus = bus
         self._recorder = recorder
         self._vessel = vessel
+        self._frames = frames
         self._clock_ns = clock_ns
         self._hash = DecisionHash()
         self._losses_told = 0
@@ -49,8 +54,12 @@ class Outlet:
 
     def record(self, topic: str, payload: bytes) -> None:
         """Keep a core input, before the core gets it."""
-        if self._recorder is not None:
-            self._recorder.record(topic, payload, self._clock_ns())
+        if self._recorder is None:
+            return
+        self._recorder.record(topic, payload, self._clock_ns())
+        transforms = self._frames.see(topic, payload) if self._frames else None
+        if transforms is not None:
+            self._recorder.record("transforms", transforms, self._clock_ns())
 
     def decided(self, decision: Decision, thrust: Float64) -> None:
         """Tell a decision, what it was made of, and the thrust."""

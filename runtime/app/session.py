@@ -14,10 +14,12 @@ from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.loop import Loop
 from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.app.recorder import Recorder
+from twinscrew.runtime.app.transforms import Frames
 from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import ConfigError, RecordingError
 from twinscrew.runtime.link.transport import open_transport
+from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.base import Policy
 
 INPUTS = ("points", "odometry", "goal")
@@ -115,7 +117,9 @@ class Session:
         bus = ZenohBus(config.bus, config.name)
         self._stack.callback(bus.close)
         self._recorder = self._open_recorder(controller.core.pipeline.policy)
-        self._outlet = Outlet(bus, self._recorder, vessel=config.name)
+        self._outlet = Outlet(
+            bus, self._recorder, vessel=config.name, frames=Frames(load_sensor(config.sensor))
+        )
         self._inbox = Inbox()
         self._inbox.listen(bus, INPUTS)
         self.loop = Loop(
