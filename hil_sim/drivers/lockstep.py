@@ -14,14 +14,13 @@ import numpy as np
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.drivers.voyage import ODOMETRY_S
 from twinscrew.runtime.app.assemble import make_controller
-from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
 from twinscrew.runtime.app.latency import Latencies
 from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.app.session import metadata_of
 from twinscrew.runtime.app.transforms import Frames
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Odometry
-from twinscrew.runtime.perception.sensor import load_sensor
 
 
 class LockstepVessel:
@@ -41,7 +40,7 @@ class LockstepVessel:
             None,
             self._recorder,
             vessel=config.name,
-            frames=Frames(load_sensor(config.sensor)),
+            frames=Frames(sensor_of(config)),
             clock_ns=self._log_time,
         )
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
 from twinscrew.runtime.app.controller import Controller
 from twinscrew.runtime.app.core import Core
 from twinscrew.runtime.app.mission import Mission
 from twinscrew.runtime.app.pipeline import Pipeline
 from twinscrew.runtime.link.autopilot import AutopilotLink
-from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.safety.guard import Guard
@@ -24,7 +23,7 @@ def make_core(config: RuntimeConfig) -> Core:
         Something configured does not exist or cannot be used: before anything moves.
     """
     pipeline = Pipeline(
-        perception=Perception(load_sensor(config.sensor), config.perception),
+        perception=Perception(sensor_of(config), config.perception),
         tracker=Tracker(config.tracking),
         policy=load_policy(config.policy),
         mission=Mission(config.mission),

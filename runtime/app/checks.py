@@ -12,7 +12,7 @@ from enum import Enum
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
 from twinscrew.runtime.errors import TwinscrewError
 
 PACKAGES = (
@@ -126,9 +126,7 @@ def check_disk(folder: Path) -> Finding:
 
 def check_sensor(config: RuntimeConfig) -> Finding:
     """Load the sensor's description."""
-    from twinscrew.runtime.perception.sensor import load_sensor
-
-    sensor = load_sensor(config.sensor)
+    sensor = sensor_of(config)
     rays = f"{len(sensor.elevations)} x {len(sensor.azimuths)} rays"
     return Finding("sensor", Verdict.OK, f"{config.sensor}: {rays}, {sensor.rate_hz:g} Hz")
 

@@ -11,6 +11,7 @@ from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.odometry_buffer import OdometryBufferSettings
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
 from twinscrew.runtime.perception.stage import PerceptionSettings
 from twinscrew.runtime.policy.observation import ObservationSettings
 from twinscrew.runtime.safety.guard import ThrustLimits
@@ -32,6 +33,9 @@ class RuntimeConfig(Settings, frozen=True):
     """The vessel's namespace: its topics are `<name>/sensors/...`."""
     sensor: str = "vrx32"
     """The LiDAR: a name in config/sensors, or a file."""
+    mount: Mount | None = None
+    """Where the LiDAR sits, x_m, y_m, z_m (forward, port, up from the vessel's origin) and
+    roll_rad, pitch_rad, yaw_rad; none takes the sensor's own description's."""
     policy: str = "ac_iqn"
     """A name in config/policies, an ONNX file, "apf" or "mpc"."""
     command_rate_hz: Positive = 20.0
@@ -53,6 +57,18 @@ class RuntimeConfig(Settings, frozen=True):
             raise ValueError(f"thrust.min_n must be in [{-paddles.astern_N:g}, 0] N")
         if self.thrust.max_n > paddles.ahead_N:
             raise ValueError(f"thrust.max_n must be in [0, {paddles.ahead_N:g}] N")
+
+
+def sensor_of(config: RuntimeConfig) -> Sensor:
+    """Give the configured LiDAR at its configured place.
+
+    Raises
+    ------
+    ConfigError
+        There is no such sensor, or nothing says where it sits.
+    """
+    sensor = load_sensor(config.sensor)
+    return sensor if config.mount is None else sensor.mounted(config.mount)
 
 
 def load_config(path: Path) -> RuntimeConfig:

@@ -7,7 +7,6 @@ and in a replay.
 from __future__ import annotations
 
 import numpy as np
-from twinscrew.runtime.perception.stage import Perception
 
 from twinscrew.runtime.app.mission import Mission
 from twinscrew.runtime.app.schedule import DecisionSchedule
@@ -24,6 +23,7 @@ from twinscrew.runtime.messages.types import (
     PointCloud,
     Tracks,
 )
+from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.policy.observation import ObservationSettings, observe
 from twinscrew.runtime.safety.events import GOAL_MISSING, PERCEPTION_ERROR, POLICY_ERROR

@@ -10,7 +10,7 @@ from typing import Any, Self
 import msgspec
 
 from twinscrew.runtime.app.assemble import make_controller
-from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
 from twinscrew.runtime.app.loop import Loop
 from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.app.recorder import Recorder
@@ -19,7 +19,6 @@ from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import ConfigError, RecordingError
 from twinscrew.runtime.link.transport import open_transport
-from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.base import Policy
 
 INPUTS = ("points", "odometry", "goal")
@@ -118,7 +117,7 @@ class Session:
         self._stack.callback(bus.close)
         self._recorder = self._open_recorder(controller.core.pipeline.policy)
         self._outlet = Outlet(
-            bus, self._recorder, vessel=config.name, frames=Frames(load_sensor(config.sensor))
+            bus, self._recorder, vessel=config.name, frames=Frames(sensor_of(config))
         )
         self._inbox = Inbox()
         self._inbox.listen(bus, INPUTS)

@@ -11,7 +11,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from twinscrew.runtime.app.checks import Finding, Verdict
-from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
 from twinscrew.runtime.app.session import INPUTS
 from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.bus.zenoh import ZenohBus
@@ -22,7 +22,6 @@ from twinscrew.runtime.link.autopilot import AutopilotLink
 from twinscrew.runtime.link.transport import open_transport
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS
-from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.perception.stage import Perception
 
 SLOW_SHARE = 0.7
@@ -73,7 +72,7 @@ def _layout(newest: dict[str, bytes], config: RuntimeConfig) -> Finding:
     cloud = _decoded(newest, "points", cdr.decode_point_cloud)
     if isinstance(cloud, str):
         return Finding(what, Verdict.FAIL, cloud, "a PointCloud2 with x, y, z is needed")
-    perception = Perception(load_sensor(config.sensor), config.perception)
+    perception = Perception(sensor_of(config), config.perception)
     report = perception.project(cloud, np.array([1.0, 0.0, 0.0, 0.0]))
     measured = report.points - report.empty
     fitting = 1.0 - report.no_beam / measured if measured else 1.0

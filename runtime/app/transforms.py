@@ -1,4 +1,4 @@
-"""Where the frames are, for whoever looks at a recording: RViz and Foxglove draw all in one picture.
+"""Where the frames are, so that RViz and Foxglove draw a recording in one picture.
 
 Recorded only, never published: a boat or a VRX has its own publisher of /tf.
 """
