@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.tracking.light import linear_sum_assignment
@@ -21,8 +20,8 @@ FORBIDDEN = 1e6
 class Association:
     """Pairs, and what was left alone."""
 
-    pairs: list[tuple[int, int]]
-    """(track, measurement)"""
+    pairs: list[tuple[int, int, float]]
+    """(track, measurement, squared Mahalanobis distance without the allowance for jumps)"""
     unseen: list[int]
     """Tracks without a measurement."""
     new: list[int]
@@ -46,13 +45,17 @@ def associate(x: Float64, P: Float64, measured: Measurements, gate_sigma: float)
     tracks, measurements = len(x), len(measured.z_N)
     if not tracks or not measurements:
         return Association([], list(range(tracks)), list(range(measurements)))
-    distance2, log_det = innovations(x, P, measured)
+    strict2, distance2, log_det = innovations(x, P, measured)
     allowed = distance2 <= gate_sigma**2
     # Minus twice the log-likelihood: without log |S| a vague track would steal from a sure one.
     cost = np.where(allowed, distance2 + log_det, FORBIDDEN)
     rows, columns = _assign(cost)
-    pairs = [(int(i), int(j)) for i, j in zip(rows, columns, strict=True) if allowed[i, j]]
-    seen, used = {i for i, _ in pairs}, {j for _, j in pairs}
+    pairs = [
+        (i, j, float(strict2[i, j]))
+        for i, j in zip(rows.tolist(), columns.tolist(), strict=True)
+        if allowed[i, j]
+    ]
+    seen, used = {i for i, _, _ in pairs}, {j for _, j, _ in pairs}
     return Association(
         pairs,
         [i for i in range(tracks) if i not in seen],
@@ -60,18 +63,28 @@ def associate(x: Float64, P: Float64, measured: Measurements, gate_sigma: float)
     )
 
 
-def innovations(
-    x: Float64, P: Float64, measured: Measurements
-) -> tuple[Float64, NDArray[np.float64]]:
-    """Give squared Mahalanobis distances and log |S| of every pair, both (K, M)."""
+def innovations(x: Float64, P: Float64, measured: Measurements) -> tuple[Float64, Float64, Float64]:
+    """Give squared Mahalanobis distances without and with the gate's allowance, and log |S|.
+
+    All are of every pair, (K, M); the logarithm is of the S with the allowance.
+    """
     H = measured.H
-    PHt = np.einsum("kab,mcb->kmac", P, H)
-    S = np.einsum("mab,kmbc->kmac", H, PHt) + measured.R + measured.gate[:, None, None] * np.eye(2)
+    S = np.einsum("mab,kbc,mdc->kmad", H, P, H, optimize=False) + measured.R
     y = measured.z_N - np.einsum("mab,kb->kma", H, x)
+    strict2, _ = _distance2(S, y)
+    distance2, det = _distance2(S + measured.gate[:, None, None] * _EYE, y)
+    return strict2, distance2, np.log(det)
+
+
+def _distance2(S: Float64, y: Float64) -> tuple[Float64, Float64]:
+    """Give y S^-1 y and |S| of (..., 2, 2) and (..., 2)."""
     det = S[..., 0, 0] * S[..., 1, 1] - S[..., 0, 1] * S[..., 1, 0]
-    distance2 = (
+    product: Float64 = (
         S[..., 1, 1] * y[..., 0] ** 2
         + S[..., 0, 0] * y[..., 1] ** 2
         - (S[..., 0, 1] + S[..., 1, 0]) * y[..., 0] * y[..., 1]
-    ) / det
-    return distance2, np.log(det)
+    )
+    return product / det, det
+
+
+_EYE = np.eye(2)

@@ -30,11 +30,11 @@ class MeasurementSettings(Settings, frozen=True):
     """[m] The same for a buoy, at any distance."""
     buoy_hull_m: tuple[Positive, Positive] = (0.7, 1.5)
     """[m] Up to the first radius all is a buoy, from the second on a hull; linear in between."""
-    bias_along: NonNegative = 0.08
+    bias_along: NonNegative = 0.05
     """[-] Standard deviation of that distance over aspects, as a share of the radius."""
-    bias_across: NonNegative = 0.07
+    bias_across: NonNegative = 0.06
     """[-] Standard deviation of the centroid's offset across the line of sight, likewise."""
-    bias_time_s: Positive = 1.5
+    bias_time_s: Positive = 1.0
     """[s] Time constant with which both wander."""
     sigma_m: Positive = 0.01
     """[m] White noise of a centroid with many points: sensor and waves."""

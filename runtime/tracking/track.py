@@ -52,20 +52,24 @@ class Track:
         self.known_s += dt
         self.age_s += dt
 
-    def update(self, z_N: Float64, H: Float64, R: Float64, jump_sigma: float) -> None:
+    def update(self, z_N: Float64, H: Float64, R: Float64, excess: float = 0.0) -> None:
         """Take in a measurement.
 
         A vessel does not move by decimetres between two scans; its visible side does. What of the
-        innovation exceeds `jump_sigma` is therefore charged to the bias: its variance is raised
-        until the innovation is `jump_sigma` away, before the filter's own update.
+        innovation exceeds some Mahalanobis distance is therefore charged to the bias: before the
+        filter's own update its variance is raised by `excess` times the innovation's covariance,
+        which brings the innovation to that distance.
+
+        Parameters
+        ----------
+        z_N, H, R
+            The measurement, (2,) [m], and what it says, (2, 6), (2, 2).
+        excess : float
+            Squared Mahalanobis distance over the squared limit, less 1; nothing if negative.
         """
-        P = self.filter.P
-        S = H @ P @ H.T + R
-        y = z_N - H @ self.filter.x
-        excess = float(y @ inverse_2x2(S) @ y) / jump_sigma**2 - 1.0
         if excess > 0.0:
-            toward = H[:, 4:]  # a rotation: the bias's axes in N, but for signs
-            P[4:, 4:] += excess * toward.T @ S @ toward
+            P, turn = self.filter.P, H[:, 4:]  # the bias's axes in N, but for the sign
+            P[4:, 4:] += excess * turn.T @ (H @ P @ H.T + R) @ turn
         self.filter.update(z_N, R=R, H=H)
         self.hits += 1
         self.age_s = 0.0

@@ -136,14 +136,11 @@ class Tracker:
         x = np.array([track.filter.x for track in self._tracks])
         P = np.array([track.filter.P for track in self._tracks])
         found = associate(x, P, measured, self.settings.gate_sigma)
-        for i, j in found.pairs:
+        limit2 = self.settings.measurement.jump_sigma**2
+        for i, j, distance2 in found.pairs:
             track = self._tracks[i]
-            track.update(
-                measured.z_N[j],
-                measured.H[j],
-                measured.R[j],
-                self.settings.measurement.jump_sigma,
-            )
+            excess = distance2 / limit2 - 1.0
+            track.update(measured.z_N[j], measured.H[j], measured.R[j], excess)
             track.radius = smoothed_radius(
                 track.radius, float(measured.radius[j]), self.settings.radius
             )

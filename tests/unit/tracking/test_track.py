@@ -25,7 +25,7 @@ def test_the_first_covariance_is_the_limit_of_a_vague_prior():
 def test_a_small_innovation_is_left_to_the_filter():
     one, same = track(), track()
     z = H @ one.filter.x + 0.05
-    one.update(z, H, R, jump_sigma=2.0)
+    one.update(z, H, R, excess=-0.5)
     same.filter.update(z, R=R, H=H)
     assert np.array_equal(one.filter.x, same.filter.x)
 
@@ -37,10 +37,11 @@ def test_a_jump_goes_to_the_bias_and_not_to_the_velocity():
             F = np.eye(6)
             F[0, 2] = F[1, 3] = 0.1
             each.predict(0.1, F, np.zeros((6, 6)))
-            each.update(H @ np.array([5, 6, 0, 0, 0, 0.0]), H, R, jump_sigma=np.inf)
+            each.update(H @ np.array([5, 6, 0, 0, 0, 0.0]), H, R)
     z = H @ np.array([5, 6, 0, 0, 0, 0.0]) + np.array([1.5, 0.0])
-    jumping.update(z, H, R, jump_sigma=2.0)
-    plain.update(z, H, R, jump_sigma=np.inf)
+    y, S = z - H @ plain.filter.x, H @ plain.filter.P @ H.T + R
+    jumping.update(z, H, R, excess=float(y @ np.linalg.solve(S, y)) / 2.0**2 - 1.0)
+    plain.update(z, H, R)
     assert np.hypot(*jumping.filter.x[2:4]) < 0.7 * np.hypot(*plain.filter.x[2:4])
     assert np.hypot(*jumping.filter.x[4:]) > 2 * np.hypot(*plain.filter.x[4:])
 
@@ -49,7 +50,7 @@ def test_covariances_stay_symmetric_and_positive():
     one, rng = track(), np.random.default_rng(0)
     for _ in range(200):
         one.predict(0.1, np.eye(6), 1e-3 * np.eye(6))
-        one.update(np.array([5.0, 6.0]) + rng.normal(size=2), H, R, jump_sigma=2.0)
+        one.update(np.array([5.0, 6.0]) + rng.normal(size=2), H, R, excess=rng.normal())
     P = one.filter.P
     assert np.allclose(P, P.T)
     assert np.linalg.eigvalsh(P).min() > 0.0
@@ -58,3 +59,11 @@ def test_covariances_stay_symmetric_and_positive():
 def test_the_short_inverse_is_the_inverse():
     S = np.array([[2.0, 0.3], [0.4, 1.0]])
     assert inverse_2x2(S) @ S == pytest.approx(np.eye(2))
+
+
+def test_the_excess_brings_the_innovation_to_the_limit():
+    one, z = track(), np.array([9.0, 6.0])
+    y, S = z - H @ one.filter.x, H @ one.filter.P @ H.T + R
+    distance2 = float(y @ np.linalg.solve(S, y))
+    one.update(z, H, R, excess=distance2 / 2.0**2 - 1.0)
+    assert one.filter.mahalanobis == pytest.approx(2.0)
