@@ -22,9 +22,12 @@ def train(
     threads: Annotated[int, typer.Option(min=1, help="Processor threads of torch.")] = 1,
 ) -> None:
     """Train policies; a run that was cut off goes on from its last checkpoint."""
-    import torch
+    from twinscrew.runtime.errors import ConfigError, TwinscrewError
 
-    from twinscrew.runtime.errors import ConfigError
+    try:
+        import torch
+    except ModuleNotFoundError as error:
+        raise TwinscrewError("'train' needs torch: pip install 'twinscrew[train]'") from error
     from twinscrew.runtime.settings import shipped
     from twinscrew.training import runs
     from twinscrew.training.logs import Progress
