@@ -20,7 +20,7 @@ from twinscrew.runtime.policy.vessel_model import VesselModel, VesselParameters
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
 
 
-class ApfSettings(Settings, frozen=True):
+class ApfSettings(Settings, frozen=True, kw_only=True):
     """The potential field (paper, sec. VI)."""
 
     attraction: Positive = 50.0

@@ -56,7 +56,7 @@ class PolicyMetadata(msgspec.Struct, frozen=True, kw_only=True):
     created: Text
 
 
-class PolicyExpectation(Settings, frozen=True):
+class PolicyExpectation(Settings, frozen=True, kw_only=True):
     """What the vessel's configuration needs a policy to have been made for; None: anything."""
 
     thrust_min_n: float | None = None

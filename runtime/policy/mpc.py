@@ -28,7 +28,7 @@ from twinscrew.runtime.policy.vessel_model import VesselModel, VesselParameters
 from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings
 
 
-class MpcSettings(Settings, frozen=True):
+class MpcSettings(Settings, frozen=True, kw_only=True):
     """The horizon and the cost (paper, sec. VI; the authors' code where it is silent)."""
 
     steps: Count = 5

@@ -21,7 +21,7 @@ from twinscrew.runtime.messages.types import (
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
 
 
-class ObservationSettings(Settings, frozen=True):
+class ObservationSettings(Settings, frozen=True, kw_only=True):
     """Which objects a policy sees."""
 
     perception_range_m: Positive = 20.0

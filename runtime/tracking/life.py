@@ -9,7 +9,7 @@ from twinscrew.runtime.settings import Count, Fraction, NonNegative, Settings
 from twinscrew.runtime.tracking.track import Track
 
 
-class LifeSettings(Settings, frozen=True):
+class LifeSettings(Settings, frozen=True, kw_only=True):
     """The life of a track."""
 
     birth_hits: Count = 3

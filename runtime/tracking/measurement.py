@@ -19,7 +19,7 @@ from twinscrew.runtime.messages.types import Float64, Objects, Odometry
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
 
 
-class MeasurementSettings(Settings, frozen=True):
+class MeasurementSettings(Settings, frozen=True, kw_only=True):
     """How the visible centroid relates to the centre; figures: docs/tracking.md."""
 
     range_m: tuple[NonNegative, ...] = (7.2, 10.0, 16.5, 19.5)

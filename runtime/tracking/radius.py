@@ -11,7 +11,7 @@ from __future__ import annotations
 from twinscrew.runtime.settings import Fraction, NonNegative, Settings
 
 
-class RadiusSettings(Settings, frozen=True):
+class RadiusSettings(Settings, frozen=True, kw_only=True):
     """How the radius is smoothed."""
 
     quantile: Fraction = 0.9

@@ -30,7 +30,7 @@ from twinscrew.runtime.tracking.radius import RadiusSettings, smoothed_radius
 from twinscrew.runtime.tracking.track import Track
 
 
-class TrackerSettings(Settings, frozen=True):
+class TrackerSettings(Settings, frozen=True, kw_only=True):
     """How measurements become tracks."""
 
     measurement: MeasurementSettings = MeasurementSettings()
