@@ -52,17 +52,19 @@ class RangeImage {
     return empty;
   }
 
+  const float* ranges() const { return range_.data(); }
   float range(std::size_t cell) const { return range_[cell]; }
   const Echo& echo(std::size_t cell) const { return echo_[cell]; }
 
   // Calls visit(column, cell) for the occupied cells of a row, from left to right.
   template <class Visit>
   void each_in_row(int row, Visit visit) const {
-    const std::uint64_t* words = &occupied_[static_cast<std::size_t>(row) * words_];
-    for (std::size_t w = 0; w < words_; ++w) {
+    const std::size_t count = words_, begin = cell(row, 0);
+    const std::uint64_t* const words = &occupied_[static_cast<std::size_t>(row) * count];
+    for (std::size_t w = 0; w < count; ++w) {
       for (std::uint64_t bits = words[w]; bits != 0; bits &= bits - 1) {
         const int column = static_cast<int>(w * 64) + std::countr_zero(bits);
-        visit(column, cell(row, column));
+        visit(column, begin + static_cast<std::size_t>(column));
       }
     }
   }

@@ -70,35 +70,41 @@ class Segmentation {
     return static_cast<std::size_t>(row * reach_ + gap - 1);
   }
 
-  bool linked(float p, float q, float k) const {
+  static bool linked(float p, float q, float k, float noise) {
     const float far = p < q ? q : p, near = p < q ? p : q;
-    return far < k * near + noise_;
+    return far < k * near + noise;
   }
 
   void link_row(const RangeImage& image, int row, bool wraps) {
-    const float* along = &along_[index(row, 1)];
-    const float* across = &across_[index(row, 1)];
+    // Copies, which no store below can change: the loop keeps them in registers.
+    const float* const along = &along_[index(row, 1)];
+    const float* const across = &across_[index(row, 1)];
+    const float* const ranges = image.ranges();
+    std::int32_t* const labels = label_.data();
+    std::int32_t* const below_row = below_.data();
+    const float noise = noise_;
+    const int reach = reach_;
     const auto columns = static_cast<std::size_t>(image.columns());
     int first = -1, last = -1;
     std::size_t first_cell = 0, last_cell = 0;
     std::int32_t run = NONE, united_with = NONE;
     image.each_in_row(row, [&](int column, std::size_t cell) {
-      const float range = image.range(cell);
+      const float range = ranges[cell];
       const int gap = column - last;
-      const bool joined = last >= 0 && gap <= reach_ &&
-                          linked(range, image.range(last_cell), along[gap - 1]);
+      const bool joined = last >= 0 && gap <= reach &&
+                          linked(range, ranges[last_cell], along[gap - 1], noise);
       if (!joined) {
         run = runs_.add();
         united_with = NONE;
       }
-      label_[cell] = run;
-      std::int32_t& below = below_[static_cast<std::size_t>(column)];
+      labels[cell] = run;
+      std::int32_t& below = below_row[static_cast<std::size_t>(column)];
       if (below != NONE) {
         const auto under = static_cast<std::size_t>(below);
         const auto rise = static_cast<int>((cell - under) / columns);
-        if (rise <= reach_ && label_[under] != united_with &&
-            linked(range, image.range(under), across[rise - 1])) {
-          united_with = label_[under];
+        if (rise <= reach && labels[under] != united_with &&
+            linked(range, ranges[under], across[rise - 1], noise)) {
+          united_with = labels[under];
           runs_.unite(run, united_with);
         }
       }
@@ -113,7 +119,7 @@ class Segmentation {
     if (!wraps || first < 0) return;
     const int gap = first + image.columns() - last;
     if (gap <= reach_ && first != last &&
-        linked(image.range(first_cell), image.range(last_cell), along[gap - 1])) {
+        linked(ranges[first_cell], ranges[last_cell], along[gap - 1], noise)) {
       runs_.unite(label_[first_cell], label_[last_cell]);
     }
   }
@@ -126,9 +132,9 @@ class Segmentation {
       const auto root = static_cast<std::size_t>(runs_.find(static_cast<std::int32_t>(run)));
       compact_[run] = root == run ? components++ : compact_[root];
     }
-    image.each([&](std::size_t cell) {
-      label_[cell] = compact_[static_cast<std::size_t>(label_[cell])];
-    });
+    std::int32_t* const labels = label_.data();
+    const std::int32_t* const compact = compact_.data();
+    image.each([=](std::size_t cell) { labels[cell] = compact[labels[cell]]; });
     return components;
   }
 
