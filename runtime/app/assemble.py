@@ -10,6 +10,7 @@ from twinscrew.runtime.app.pipeline import Pipeline
 from twinscrew.runtime.link.autopilot import AutopilotLink
 from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.policy.load import load_policy
+from twinscrew.runtime.policy.metadata import PolicyExpectation
 from twinscrew.runtime.safety.guard import Guard
 from twinscrew.runtime.tracking.tracker import Tracker
 
@@ -25,12 +26,21 @@ def make_core(config: RuntimeConfig) -> Core:
     pipeline = Pipeline(
         perception=Perception(sensor_of(config), config.perception),
         tracker=Tracker(config.tracking),
-        policy=load_policy(config.policy),
+        policy=load_policy(config.policy, expected_of_policies(config)),
         mission=Mission(config.mission),
         guard=Guard(config.thrust),
         observation=config.observation,
     )
     return Core(pipeline, config.odometry)
+
+
+def expected_of_policies(config: RuntimeConfig) -> PolicyExpectation:
+    """Give what a policy must have been trained with, to be the vessel's."""
+    return PolicyExpectation(
+        thrust_min_n=config.thrust.min_n,
+        thrust_max_n=config.thrust.max_n,
+        perception_range_m=config.perception.max_range_m,
+    )
 
 
 def make_controller(config: RuntimeConfig) -> Controller:

@@ -135,10 +135,11 @@ def check_policy(config: RuntimeConfig) -> Finding:
     """Load the policy, and ask it the same thing twice."""
     import numpy as np
 
+    from twinscrew.runtime.app.assemble import expected_of_policies
     from twinscrew.runtime.messages.types import OBSERVED_OBJECTS, Observation
     from twinscrew.runtime.policy.load import load_policy
 
-    policy = load_policy(config.policy)
+    policy = load_policy(config.policy, expected_of_policies(config))
     blank = Observation(
         ego=np.array([20, 0, 0, 0, 0, 0, 0], dtype=np.float32),
         objects=np.zeros((OBSERVED_OBJECTS, 5), dtype=np.float32),

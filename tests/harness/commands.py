@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-GIVE_UP_S = 250
+GIVE_UP_S = 120
 """[s] A command that hangs must not hang the tests; far beyond what any takes."""
 TWINSCREW = (sys.executable, "-m", "twinscrew.runtime.app")
 

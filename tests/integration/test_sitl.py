@@ -72,9 +72,9 @@ def test_a_replay_of_the_run_gives_the_same_decisions(head_on, threads: str) -> 
 
 
 def test_a_replay_with_another_configuration_differs_and_says_so(head_on, tmp_path: Path) -> None:
-    weak = tmp_path / "weak.toml"
-    weak.write_text("[thrust]\nmax_n = 300.0\n")
-    again = twinscrew("replay", head_on[0] / "wamv1", "--config", weak, "--json")
+    blind = tmp_path / "blind.toml"
+    blind.write_text("[perception]\nmin_points = 1000000\n")
+    again = twinscrew("replay", head_on[0] / "wamv1", "--config", blind, "--json")
     assert again.returncode == 1
     assert as_json(again)["same"] is False
 
