@@ -12,10 +12,10 @@ import json
 import os
 import pickle
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import torch
 
@@ -47,6 +47,42 @@ def locked(folder: Path) -> Iterator[None]:
         yield
 
 
+def claim(folder: Path, told: Mapping[str, Any], algorithm: str) -> None:
+    """Write what a run is told into its directory, or see that it is what it was told before.
+
+    Phases that the run has not come to may be changed, or added: so a finished run can be
+    fine-tuned.
+
+    Parameters
+    ----------
+    folder
+        The run directory.
+    told
+        Plain values: `seed`, and `settings` with a list of `phases`.
+    algorithm
+        Of the learner.
+
+    Raises
+    ------
+    ConfigError
+        The directory holds a run of another configuration or seed.
+    """
+    file, checkpoint = folder / CONFIG, folder / CHECKPOINT
+    text = json.dumps(told, indent=1)
+    if file.exists():
+        saved = checkpoint.exists()
+        begun = load_checkpoint(checkpoint, algorithm)["phase"] + 1 if saved else 0
+        before, now = json.loads(file.read_text(encoding="utf-8")), json.loads(text)
+        if _up_to(before, begun) != _up_to(now, begun):
+            raise ConfigError("holds a run of another configuration or seed", file=folder)
+    _replace(file, lambda out: out.write(text.encode()))
+
+
+def _up_to(told: dict[str, Any], phases: int) -> dict[str, Any]:
+    settings = told["settings"]
+    return {**told, "settings": {**settings, "phases": settings["phases"][:phases]}}
+
+
 def save_checkpoint(file: Path, algorithm: str, content: Mapping[str, Any]) -> None:
     """Write a checkpoint atomically.
 
@@ -55,17 +91,23 @@ def save_checkpoint(file: Path, algorithm: str, content: Mapping[str, Any]) -> N
     TwinscrewError
         It cannot be written; what was there before is untouched.
     """
+    whole = {"format": FORMAT, "algorithm": algorithm, **content}
+    _replace(file, lambda out: torch.save(whole, out))
+
+
+def _replace(file: Path, write: Callable[[BinaryIO], object]) -> None:
+    """Write beside a file, then take its place."""
     part = file.with_name(f".{file.name}.part")
     try:
         with part.open("wb") as out:
-            torch.save({"format": FORMAT, "algorithm": algorithm, **content}, out)
+            write(out)
             out.flush()
             os.fsync(out.fileno())
         part.replace(file)
     except (OSError, RuntimeError) as error:
         part.unlink(missing_ok=True)
         raise TwinscrewError(
-            f"{file}: checkpoint cannot be written ({error}); the last one is kept"
+            f"{file}: cannot be written ({error}); the last one is kept"
         ) from error
 
 

@@ -41,7 +41,8 @@ class Training:
 
     def run(self, progress: Progress) -> None:
         """Train to the end of the last phase, from the run directory's checkpoint if it has one."""
-        _claim(self.folder, self.settings, self.seed)
+        told = {"seed": self.seed, "settings": msgspec.to_builtins(self.settings)}
+        runs.claim(self.folder, told, algorithm(self.settings.agent))
         resumed = (self.folder / runs.CHECKPOINT).exists()
         if resumed:
             self._restore()
@@ -164,37 +165,14 @@ def make_replay(settings: TrainSettings) -> ReplayBuffer:
 
 def machine() -> str:
     """Say what the run is made on."""
-    return f"{platform.machine()}, {torch.get_num_threads()} thread(s), torch {torch.__version__}"
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]
+    processor = names[0] if names else platform.machine()
+    return f"{processor}, {torch.get_num_threads()} thread(s), torch {torch.__version__}"
 
 
 def _numbers(metrics: Metrics) -> dict[str, float]:
     return {name: round(float(value), 5) for name, value in metrics.items()}
-
-
-def _claim(folder: Path, settings: TrainSettings, seed: int) -> None:
-    """Write what a run is of into its directory, or see that it is the same.
-
-    Phases that the run has not come to may be changed, or added: so a finished run can be
-    fine-tuned.
-
-    Raises
-    ------
-    ConfigError
-        The directory holds a run of another configuration or seed.
-    """
-    file = folder / runs.CONFIG
-    mine = json.loads(json.dumps({"seed": seed, "settings": msgspec.to_builtins(settings)}))
-    if file.exists():
-        found = json.loads(file.read_text(encoding="utf-8"))
-        if _begun(found, folder) != _begun(mine, folder):
-            raise ConfigError("holds a run of another configuration or seed", file=folder)
-    file.write_text(json.dumps(mine, indent=1), encoding="utf-8")
-
-
-def _begun(told: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Give what a run was told, without the phases it has not come to."""
-    file = folder / runs.CHECKPOINT
-    name = told["settings"]["agent"]["algorithm"]
-    reached = runs.load_checkpoint(file, name)["phase"] + 1 if file.exists() else 0
-    settings = told["settings"]
-    return {**told, "settings": {**settings, "phases": settings["phases"][:reached]}}
