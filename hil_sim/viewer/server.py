@@ -1,0 +1,159 @@
+"""Serves the page and its frames on this machine only.
+
+Each page is sent one frame at a time: the next is made when the last is gone, at most ten a second.
+A slow page therefore sees fewer frames, and nothing queues up.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import socket
+from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
+from typing import Final
+
+from aiohttp import WSMsgType, web
+
+from twinscrew.hil_sim.viewer.greeting import greeting
+from twinscrew.hil_sim.viewer.live import LiveSource
+from twinscrew.hil_sim.viewer.player import Player
+from twinscrew.hil_sim.viewer.source import Source
+from twinscrew.hil_sim.viewer.wire import decode_request, encode_greeting
+from twinscrew.runtime.errors import ConfigError
+
+HOST: Final = "127.0.0.1"
+PAGE: Final = Path(__file__).parent / "page"
+PERIOD_S: Final = 0.1
+"""[s] Between two frames: 10 Hz, the LiDAR's rate."""
+HEARTBEAT_S: Final = 5.0
+"""[s] A page that does not answer for this long is let go."""
+LONGEST_REQUEST: Final = 1024
+"""[B] What a page asks for is shorter."""
+HEADERS: Final = {
+    "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-cache",
+}
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+class Server:
+    """Pages, each with its player, over one source."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+
+    def app(self) -> web.Application:
+        """Give the application to serve."""
+        app = web.Application(middlewares=[_only_from_here])
+        app.add_routes(
+            [
+                web.get("/", self._index),
+                web.get("/frames", self._frames),
+                web.static("/", PAGE),
+            ]
+        )
+        app.cleanup_ctx.append(self._keep_following)
+        return app
+
+    async def _index(self, _: web.Request) -> web.FileResponse:
+        return web.FileResponse(PAGE / "index.html")
+
+    async def _frames(self, request: web.Request) -> web.WebSocketResponse:
+        page = web.WebSocketResponse(
+            heartbeat=HEARTBEAT_S, compress=False, max_msg_size=LONGEST_REQUEST
+        )
+        await page.prepare(request)
+        await page.send_str(encode_greeting(greeting(self._source)))
+        player = Player(self._source)
+        sender = asyncio.create_task(_send(page, player))
+        try:
+            async for message in page:
+                wish = decode_request(message.data) if message.type is WSMsgType.TEXT else None
+                if wish is None:
+                    await page.close(code=1003, message=b"not a request")
+                    break
+                player.ask(wish)
+        finally:
+            sender.cancel()
+            with contextlib.suppress(asyncio.CancelledError, ConnectionError):
+                await sender
+        return page
+
+    async def _keep_following(self, _: web.Application) -> AsyncIterator[None]:
+        if not isinstance(self._source, LiveSource):
+            yield
+            return
+        task = asyncio.create_task(_follow(self._source))
+        yield
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+
+
+async def _send(page: web.WebSocketResponse, player: Player) -> None:
+    clock = asyncio.get_running_loop().time
+    while not page.closed:
+        begin_s = clock()
+        frame = player.frame(begin_s)
+        if frame is not None:
+            await page.send_bytes(frame)
+        await asyncio.sleep(max(0.0, begin_s + PERIOD_S - clock()))
+
+
+async def _follow(source: LiveSource) -> None:
+    while True:
+        source.follow()
+        await asyncio.sleep(PERIOD_S / 2)
+
+
+@web.middleware
+async def _only_from_here(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Refuse what a foreign page might send from this machine's browser, and name no CDN."""
+    origin = request.headers.get("Origin")
+    if not _is_local(request.host) or (origin and origin.partition("://")[2] != request.host):
+        raise web.HTTPForbidden(text="twinscrew's view answers its own page on this machine only")
+    response = await handler(request)
+    if not response.prepared:
+        response.headers.update(HEADERS)
+    return response
+
+
+def _is_local(host: str) -> bool:
+    return host.rpartition(":")[0].strip("[]") in {"127.0.0.1", "localhost", "::1"}
+
+
+def listen(port: int) -> socket.socket:
+    """Take a port of this machine; 0 takes any.
+
+    Raises
+    ------
+    ConfigError
+        Somebody else has it.
+    """
+    taken = socket.socket()
+    taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        taken.bind((HOST, port))
+        taken.listen()
+    except OSError as error:
+        taken.close()
+        if error.errno not in {errno.EADDRINUSE, errno.EACCES}:
+            raise
+        why = "is in use" if error.errno == errno.EADDRINUSE else "is not ours to use"
+        raise ConfigError(f"port {port} {why}; choose another", key="--port") from error
+    return taken
+
+
+async def serve(source: Source, port: socket.socket, stop: asyncio.Event) -> None:
+    """Serve until told to stop."""
+    runner = web.AppRunner(Server(source).app(), access_log=None, shutdown_timeout=1.0)
+    await runner.setup()
+    try:
+        await web.SockSite(runner, port).start()
+        await stop.wait()
+    finally:
+        await runner.cleanup()

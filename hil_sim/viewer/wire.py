@@ -1,0 +1,131 @@
+"""What the page is sent: a greeting in JSON, then binary frames.
+
+A frame is the length of its head (uint32, little endian), the head in JSON, padding to a multiple
+of four bytes, and the points of all vessels in the head's order: pairs of int16, centimetres north
+and east of their vessel. The page's `wire.js` reads it.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+POINT_BYTES = 4
+"""[B] Two int16."""
+
+
+class TrackView(msgspec.Struct, frozen=True, array_like=True):
+    """A track, in frame N."""
+
+    id: int
+    north: float
+    east: float
+    v_north: float
+    v_east: float
+    radius: float
+    unseen_s: float
+    """[s] Since the last scan in which it was seen."""
+    situation: int
+    """What COLREGs ask of the vessel (`policy.colregs.Situation`)."""
+
+
+class EventView(msgspec.Struct, frozen=True, array_like=True):
+    """A health event."""
+
+    time_s: float
+    """[s] On the view's clock."""
+    name: str
+    severity: str
+    detail: str
+
+
+class VesselView(msgspec.Struct, frozen=True, kw_only=True):
+    """One vessel as the page draws it. Frame N; empty where nothing recent is known."""
+
+    name: str
+    pose: tuple[float, float, float] | None = None
+    """[m, m, rad] North, east, heading."""
+    velocity: tuple[float, float] | None = None
+    """[m/s] North, east."""
+    silent_s: float | None = None
+    """[s] Since the last odometry; None if none ever came."""
+    thrust: tuple[float, float] | None = None
+    """[N] Left, right."""
+    goal: tuple[float, float] | None = None
+    """[m] North, east."""
+    arrived: bool = False
+    state: str = "unknown"
+    latency_ms: float | None = None
+    """[ms] From the last scan's sending to its decision's."""
+    decisions: int = 0
+    """[-] Decisions so far."""
+    tracks: tuple[TrackView, ...] = ()
+    objects: tuple[tuple[float, float, float], ...] = ()
+    """[m] North, east, radius."""
+    events: tuple[EventView, ...] = ()
+    """The last few, newest last."""
+    points: int = 0
+    """[-] How many points of this vessel follow the head."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One vessel's share of a frame, encoded."""
+
+    head: bytes
+    points: bytes
+
+
+class Request(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the page may ask for; fields that are left out stay as they are."""
+
+    playing: bool | None = None
+    seek_s: float | None = None
+    """[s] Where to go on in a recording."""
+    speed: float | None = None
+    """[-] How fast to play a recording."""
+
+
+def encode_part(view: VesselView, points: bytes) -> Part:
+    """Encode one vessel's share of a frame."""
+    return Part(msgspec.json.encode(view), points)
+
+
+def encode_frame(time_s: float, parts: Sequence[Part], *, playing: bool) -> bytes:
+    """Put a frame together.
+
+    Parameters
+    ----------
+    time_s
+        [s] On the view's clock: since the recording's beginning, or since the view's.
+    parts
+        The vessels that have anything to show.
+    playing
+        Whether time goes on after this frame.
+    """
+    head = msgspec.json.encode(
+        {
+            "time_s": round(time_s, 3),
+            "playing": playing,
+            "vessels": [msgspec.Raw(part.head) for part in parts],
+        }
+    )
+    head += b" " * (-len(head) % POINT_BYTES)
+    return b"".join((struct.pack("<I", len(head)), head, *(part.points for part in parts)))
+
+
+def decode_request(text: str) -> Request | None:
+    """Read what the page asks for; None if it is not a request."""
+    try:
+        return msgspec.json.decode(text, type=Request)
+    except msgspec.DecodeError:
+        return None
+
+
+def encode_greeting(greeting: dict[str, Any]) -> str:
+    """Encode what is told once, before the first frame."""
+    return msgspec.json.encode(greeting).decode()
