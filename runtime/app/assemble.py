@@ -11,6 +11,7 @@ from twinscrew.runtime.link.autopilot import AutopilotLink
 from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.policy.metadata import PolicyExpectation
+from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.guard import Guard
 from twinscrew.runtime.tracking.tracker import Tracker
 
@@ -30,6 +31,7 @@ def make_core(config: RuntimeConfig) -> Core:
         mission=Mission(config.mission),
         guard=Guard(config.thrust),
         observation=config.observation,
+        assurance=Assurance(config.assurance, config.thrust),
     )
     return Core(pipeline, config.odometry)
 

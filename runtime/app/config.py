@@ -14,6 +14,7 @@ from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
 from twinscrew.runtime.perception.stage import PerceptionSettings
 from twinscrew.runtime.policy.observation import ObservationSettings
+from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.settings import Positive, Settings, load
 from twinscrew.runtime.tracking.tracker import TrackerSettings
@@ -45,6 +46,7 @@ class RuntimeConfig(Settings, frozen=True):
     perception: PerceptionSettings = PerceptionSettings()
     tracking: TrackerSettings = TrackerSettings()
     observation: ObservationSettings = ObservationSettings()
+    assurance: AssuranceSettings = AssuranceSettings()
     odometry: OdometryBufferSettings = OdometryBufferSettings()
     bus: ZenohSettings = ZenohSettings()
     autopilot: AutopilotSettings = AutopilotSettings()

@@ -26,13 +26,14 @@ from twinscrew.runtime.messages.types import (
 from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.policy.observation import ObservationSettings, observe
+from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.events import GOAL_MISSING, PERCEPTION_ERROR, POLICY_ERROR
 from twinscrew.runtime.safety.guard import NEUTRAL, Guard
 from twinscrew.runtime.tracking.tracker import Tracker
 
 
 class Pipeline:
-    """Perception, tracking, observation, policy, thrust: a line each."""
+    """Perception, tracking, observation, policy, assurance, thrust: a line each."""
 
     def __init__(
         self,
@@ -43,12 +44,14 @@ class Pipeline:
         mission: Mission,
         guard: Guard,
         observation: ObservationSettings | None = None,
+        assurance: Assurance | None = None,
     ) -> None:
         self.perception = perception
         self.tracker = tracker
         self.policy = policy
         self.mission = mission
         self.guard = guard
+        self.assurance = assurance
         self._observation = observation or ObservationSettings()
         self._schedule = DecisionSchedule(policy.period_s)
         self._sequence = 0
@@ -71,8 +74,8 @@ class Pipeline:
         events: list[HealthEvent] = []
         objects = self._perceive(cloud, odometry, events)
         tracks = self.tracker.step(objects, odometry)
-        due = self._may_act(odometry, engaged, events)
-        seen = self._act(odometry, tracks, events) if due else None
+        free = self._may_sail(odometry, engaged, events)
+        seen = self._sail(odometry, tracks, events) if free else None
         self._thrust, tripped = self.guard.check(self._thrust, cloud.stamp_ns)
         if tripped:
             events.append(tripped)
@@ -110,7 +113,7 @@ class Pipeline:
             events.append(PERCEPTION_ERROR.at(cloud.stamp_ns, str(error)))
             return no_objects(cloud.stamp_ns)
 
-    def _may_act(self, odometry: Odometry, engaged: bool, events: list[HealthEvent]) -> bool:
+    def _may_sail(self, odometry: Odometry, engaged: bool, events: list[HealthEvent]) -> bool:
         reached = self.mission.step(odometry)
         if reached:
             events.append(reached)
@@ -122,13 +125,28 @@ class Pipeline:
         if missing or blind or not engaged or self.mission.arrived:
             self._stop()
             return False
-        return self._schedule.is_due(odometry.stamp_ns)
+        return True
+
+    def _sail(
+        self, odometry: Odometry, tracks: Tracks, events: list[HealthEvent]
+    ) -> Observation | None:
+        """Ask the policy if it is time to, and let the assurance check the thrust every time."""
+        before = self._thrust
+        due = self._schedule.is_due(odometry.stamp_ns)
+        seen = self._act(odometry, tracks, events) if due else None
+        failed = any(event.name == POLICY_ERROR.name for event in events)
+        if self.assurance is not None and not failed:
+            self._thrust, said = self.assurance.step(
+                odometry, tracks, before, self._thrust, decided=due
+            )
+            events += said
+        return seen
 
     def _act(
         self, odometry: Odometry, tracks: Tracks, events: list[HealthEvent]
     ) -> Observation | None:
         goal = self.mission.goal
-        assert goal is not None  # noqa: S101  (_may_act saw it)
+        assert goal is not None  # noqa: S101  (_may_sail saw it)
         observation = observe(odometry, goal, tracks, self._thrust, self._observation)
         try:
             self._rate = self.policy.act(observation)
@@ -144,6 +162,8 @@ class Pipeline:
         self._rate = NEUTRAL
         self._thrust = NEUTRAL
         self._schedule.restart()
+        if self.assurance is not None:
+            self.assurance.reset()
 
     def _decision(
         self,

@@ -50,6 +50,10 @@ BAD_MESSAGE = _warning("bad_message", "Bytes that are not the message they shoul
 POLICY_ERROR = _error("policy_error", "The policy failed or answered nonsense: neutral thrust.")
 PERCEPTION_ERROR = _error("perception_error", "A scan could not be processed: neutral thrust.")
 GUARD_TRIPPED = _error("guard_tripped", "A thrust was not finite or out of range: neutral thrust.")
+ASSURANCE_INTERVENED = _warning(
+    "assurance_intervened", "The command led to contact: a manoeuvre took its place."
+)
+ASSURANCE_RELEASED = _info("assurance_released", "The policy has the propellers again.")
 INTERNAL_ERROR = _error("internal_error", "A fault of the runtime itself: neutral thrust.")
 GOAL_MISSING = _info("goal_missing", "There is no goal: neutral thrust.")
 GOAL_SET = _info("goal_set", "A new goal was accepted.")

@@ -1,0 +1,264 @@
+"""Runtime assurance: a command that leads to contact gives way to a manoeuvre that does not.
+
+It knows nothing of the policy, and trusts nothing but the tracks and a simple model of the vessel.
+Sailing on as commanded is refused only when both hold: it leads to contact within the horizon, and
+a moment later no manoeuvre would avoid that contact any more. So the policy has all the time there
+is to find its own way, and the manoeuvre still begins in time. Derivation and figures:
+docs/assurance.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from twinscrew.runtime.messages.types import (
+    NANOSECONDS_PER_SECOND,
+    Float64,
+    HealthEvent,
+    Odometry,
+    Tracks,
+)
+from twinscrew.runtime.policy.observation import levelled_twist
+from twinscrew.runtime.safety.assurance_contact import (
+    Circles,
+    Contact,
+    surroundings,
+    worst_contact,
+)
+from twinscrew.runtime.safety.assurance_vessel import (
+    AssuranceVessel,
+    Law,
+    Motion,
+    Thrust,
+    predict,
+    slewed,
+)
+from twinscrew.runtime.safety.events import ASSURANCE_INTERVENED, ASSURANCE_RELEASED
+from twinscrew.runtime.safety.guard import ThrustLimits
+from twinscrew.runtime.settings import NonNegative, Positive, Settings
+
+
+class AssuranceSettings(Settings, frozen=True):
+    """When a command is overridden, and by what."""
+
+    enabled: bool = False
+    """Whether commands are checked."""
+    horizon_s: Positive = 4.0
+    """[s] How far ahead: stopping from full ahead takes 2.5 s, the propellers' turning included."""
+    step_s: Positive = 0.1
+    """[s] Time step of the prediction."""
+    wait_s: NonNegative = 0.3
+    """[s] A command is let pass while a manoeuvre that begins this much later avoids contact."""
+    margin_m: NonNegative = 0.5
+    """[m] Nearer than this to a surface, closing in is limited."""
+    approach_per_s: NonNegative = 1.0
+    """[1/s] There it is allowed at this times the gap."""
+    tolerance_mps: NonNegative = 0.05
+    """[m/s] Closing in faster than allowed by less is no contact, and no improvement."""
+    static_mps: NonNegative = 0.4
+    """[m/s] Slower tracks stand still."""
+    slew_nps: Positive = 1000.0
+    """[N/s] How fast a manoeuvre changes each thrust (paper: the greatest rate of an action)."""
+    brake_nspm: Positive = 500.0
+    """[N s/m] Braking asks each propeller for this times the speed, astern."""
+    turn_n: Positive = 500.0
+    """[N] Turning while braking asks for this more to port, and less to starboard."""
+    vessel: AssuranceVessel = AssuranceVessel()
+
+
+@dataclass(frozen=True, slots=True)
+class Manoeuvre:
+    """A way out."""
+
+    name: str
+    law: Law
+
+
+class Assurance:
+    """Checks every command, and remembers which manoeuvre it has begun."""
+
+    def __init__(
+        self, settings: AssuranceSettings | None = None, limits: ThrustLimits | None = None
+    ) -> None:
+        self.settings = settings or AssuranceSettings()
+        self.limits = limits or ThrustLimits()
+        vessel, horizon = self.settings.vessel, self.settings.horizon_s
+        self._steps = max(1, round(horizon / self.settings.step_s))
+        way_m = horizon * vessel.top_speed_mps(self.limits.max_n)
+        self._reach_m = way_m + vessel.extent_m + self.settings.margin_m
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget a manoeuvre that was begun."""
+        self._begun: str | None = None
+        self._begun_ns = 0
+        self._last_ns: int | None = None
+
+    def step(
+        self,
+        odometry: Odometry,
+        tracks: Tracks,
+        previous: Float64,
+        command: Float64,
+        *,
+        decided: bool,
+    ) -> tuple[Float64, tuple[HealthEvent, ...]]:
+        """Check a command.
+
+        Parameters
+        ----------
+        odometry, tracks
+            The vessel's state, and what is around it, now.
+        previous : (2,) float64
+            What the propellers give until now [N], left and right.
+        command : (2,) float64
+            What they are to give from now on.
+        decided : bool
+            Whether the command is news of the policy. A manoeuvre goes on until there is.
+
+        Returns
+        -------
+        thrust : (2,) float64
+            The command, or the first step of a manoeuvre.
+        events
+            `assurance_intervened` when a manoeuvre begins or another one takes over,
+            `assurance_released` when the policy has the vessel again.
+        """
+        stamp_ns = tracks.stamp_ns
+        since_s = self._since_last(stamp_ns)
+        if not self.settings.enabled:
+            return command, ()
+        circles = self._around(odometry, tracks)
+        if not circles.id:
+            return command, self._release(stamp_ns)
+        motion = Motion(*levelled_twist(odometry).tolist())
+        given, wanted = Thrust(*previous.tolist()), Thrust(*command.tolist())
+        danger = self._judge(motion, wanted, _held(wanted), circles)
+        resumes = self._begun is not None and not decided
+        if not resumes and self._may_pass(motion, wanted, danger, circles):
+            return command, self._release(stamp_ns)
+        manoeuvre, rest = self._best(motion, given, danger, circles)
+        if not resumes and rest.harm > danger.harm - self.settings.tolerance_mps:
+            return command, self._release(stamp_ns)
+        thrust = slewed(given, manoeuvre.law(0.0, motion), self.settings.slew_nps * since_s)
+        return np.array(thrust), self._intervene(stamp_ns, manoeuvre.name, danger)
+
+    def _since_last(self, stamp_ns: int) -> float:
+        """Give the time [s] since the last check: at least 0, at most a second."""
+        last_ns = stamp_ns if self._last_ns is None else self._last_ns
+        self._last_ns = stamp_ns
+        return min(max((stamp_ns - last_ns) / NANOSECONDS_PER_SECOND, 0.0), 1.0)
+
+    def _around(self, odometry: Odometry, tracks: Tracks) -> Circles:
+        settings = self.settings
+        return surroundings(
+            odometry,
+            tracks,
+            reach_m=self._reach_m,
+            horizon_s=settings.horizon_s,
+            static_mps=settings.static_mps,
+        )
+
+    def _judge(self, motion: Motion, thrust: Thrust, law: Law, circles: Circles) -> Contact:
+        settings = self.settings
+        path = predict(
+            settings.vessel,
+            motion,
+            thrust,
+            law,
+            steps=self._steps,
+            dt=settings.step_s,
+            slew_nps=settings.slew_nps,
+        )
+        return worst_contact(
+            path,
+            circles,
+            settings.vessel.hull,
+            dt=settings.step_s,
+            margin_m=settings.margin_m,
+            approach_per_s=settings.approach_per_s,
+        )
+
+    def _may_pass(self, motion: Motion, command: Thrust, danger: Contact, circles: Circles) -> bool:
+        """Tell whether the command avoids contact, or can be followed until a later way out."""
+        tolerance = self.settings.tolerance_mps
+        return danger.harm <= tolerance or any(
+            self._judge(
+                motion, command, _later(self.settings.wait_s, command, way.law), circles
+            ).harm
+            <= tolerance
+            for way in self._ways_out(danger)
+        )
+
+    def _best(
+        self, motion: Motion, given: Thrust, danger: Contact, circles: Circles
+    ) -> tuple[Manoeuvre, Contact]:
+        """Give the first way out without contact, or else the gentlest, and what it leads to."""
+        judged = []
+        for way in self._ways_out(danger):
+            rest = self._judge(motion, given, way.law, circles)
+            if rest.harm <= self.settings.tolerance_mps:
+                return way, rest
+            judged.append((way, rest))
+        return min(judged, key=lambda pair: pair[1].harm)
+
+    def _ways_out(self, danger: Contact) -> tuple[Manoeuvre, ...]:
+        settings, limits = self.settings, self.limits
+        side = -1.0 if danger.to_starboard else 1.0
+        return (
+            Manoeuvre("brake", _brake(settings.brake_nspm, 0.0, limits)),
+            Manoeuvre("turn away", _turn(side, limits)),
+            Manoeuvre(
+                "brake and turn to starboard",
+                _brake(settings.brake_nspm, settings.turn_n, limits),
+            ),
+        )
+
+    def _intervene(self, stamp_ns: int, manoeuvre: str, danger: Contact) -> tuple[HealthEvent, ...]:
+        if self._begun == manoeuvre:
+            return ()
+        if self._begun is None:
+            self._begun_ns = stamp_ns
+        self._begun = manoeuvre
+        where = f"track {danger.track} in {danger.time_s:.1f} s at {danger.speed_mps:.1f} m/s"
+        detail = f"{manoeuvre}: the command meets {where}" if danger.harm else manoeuvre
+        return (ASSURANCE_INTERVENED.at(stamp_ns, detail),)
+
+    def _release(self, stamp_ns: int) -> tuple[HealthEvent, ...]:
+        if self._begun is None:
+            return ()
+        self._begun = None
+        lasted_s = (stamp_ns - self._begun_ns) / NANOSECONDS_PER_SECOND
+        return (ASSURANCE_RELEASED.at(stamp_ns, f"after {lasted_s:.1f} s"),)
+
+
+def _held(thrust: Thrust) -> Law:
+    return lambda time_s, motion: thrust  # noqa: ARG005
+
+
+def _later(wait_s: float, command: Thrust, law: Law) -> Law:
+    """Follow the command for a while, then the law."""
+    return lambda time_s, motion: law(time_s, motion) if time_s >= wait_s - 1e-9 else command
+
+
+def _brake(gain_nspm: float, turn_n: float, limits: ThrustLimits) -> Law:
+    """Thrust against the speed until it is gone, and meanwhile turn."""
+    clip = _clip(limits)
+    return lambda time_s, motion: Thrust(  # noqa: ARG005
+        clip(turn_n - gain_nspm * motion.surge), clip(-turn_n - gain_nspm * motion.surge)
+    )
+
+
+def _turn(side: float, limits: ThrustLimits) -> Law:
+    """Turn as hard as can be: side 1 to starboard, -1 to port."""
+    ahead, astern = limits.max_n, limits.min_n
+    thrust = Thrust(ahead, astern) if side > 0 else Thrust(astern, ahead)
+    return _held(thrust)
+
+
+def _clip(limits: ThrustLimits) -> Callable[[float], float]:
+    low, high = limits.min_n, limits.max_n
+    return lambda thrust: min(max(thrust, low), high)

@@ -1,0 +1,132 @@
+"""Whether a path leads to contact, how soon and how hard."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.runtime.messages.types import Float64, Odometry, Tracks
+
+
+@dataclass(frozen=True, slots=True)
+class Circles:
+    """What is around the vessel, going straight on, in its present levelled frame B."""
+
+    id: tuple[int, ...]
+    p_B: Float64
+    """[m] (K, 2)"""
+    v_B: Float64
+    """[m/s] (K, 2) Over ground."""
+    radius: Float64
+    """[m] (K,)"""
+
+
+class Contact(NamedTuple):
+    """The worst that a path leads to."""
+
+    harm: float
+    """[m/s] How much faster than allowed it closes in, less the later; 0 if it leads to none."""
+    time_s: float = float("inf")
+    """[s] From now until the vessel first closes in too fast."""
+    speed_mps: float = 0.0
+    """[m/s] How fast it then closes in."""
+    track: int = -1
+    """The track's id."""
+    to_starboard: bool = False
+    """True if the track is then on the starboard side."""
+
+
+NO_CONTACT = Contact(0.0)
+
+
+def surroundings(
+    odometry: Odometry, tracks: Tracks, *, reach_m: float, horizon_s: float, static_mps: float
+) -> Circles:
+    """Give what could be met within the horizon.
+
+    Parameters
+    ----------
+    reach_m : float
+        How far the edge of the vessel, with its margin, can get within the horizon [m].
+    horizon_s : float
+        [s]
+    static_mps : float
+        Slower tracks stand still [m/s].
+    """
+    speed = np.hypot(tracks.v_N[:, 0], tracks.v_N[:, 1])
+    speed = np.where(speed < static_mps, 0.0, speed)
+    offset_N = tracks.p_N - odometry.position_N[:2]
+    gap = np.hypot(offset_N[:, 0], offset_N[:, 1]) - tracks.radius - reach_m
+    near = np.flatnonzero(gap < speed * horizon_s)
+    R_NB = rotation_2d(odometry.heading)
+    return Circles(
+        id=tuple(tracks.id[near].tolist()),
+        p_B=offset_N[near] @ R_NB,
+        v_B=np.where(speed[near, None] > 0.0, tracks.v_N[near], 0.0) @ R_NB,
+        radius=tracks.radius[near],
+    )
+
+
+def worst_contact(
+    path: Float64,
+    circles: Circles,
+    hull: tuple[tuple[float, float], ...],
+    *,
+    dt: float,
+    margin_m: float,
+    approach_per_s: float,
+) -> Contact:
+    """Judge a path.
+
+    Nearer than the margin, closing in is allowed at `approach_per_s` times the gap that is left, so
+    that a vessel may pass along an edge, or lie beside it, but not run into it. What comes later
+    counts less, down to nothing at the horizon: until then there is time to decide again.
+
+    Parameters
+    ----------
+    path : (T + 1, 3) float64
+        x, y [m], heading [rad] in the present frame B, `dt` [s] apart, the first one now.
+    circles
+        What is around.
+    hull
+        [m] Circles that cover the own hull: how far ahead of the origin, radius.
+    """
+    steps = len(path) - 1
+    gap = _gaps(path, circles, hull, dt)
+    closing = (gap[:-1] - gap[1:]) / dt
+    allowed = approach_per_s * np.maximum(gap[1:], 0.0)
+    too_fast = np.where(gap[1:] < margin_m, closing - allowed, 0.0)
+    if not (too_fast > 0.0).any():
+        return NO_CONTACT
+    weight = 1.0 - np.arange(1, steps + 1) / (steps + 1)
+    harm = float((too_fast.max(axis=(1, 2)) * weight).max())
+    first = int(np.argmax((too_fast > 0.0).any(axis=(1, 2))))
+    _, k = divmod(int(np.argmax(too_fast[first])), len(circles.id))
+    x, y, heading = path[first + 1]
+    there = circles.p_B[k] + (first + 1) * dt * circles.v_B[k] - (x, y)
+    return Contact(
+        harm=harm,
+        time_s=(first + 1) * dt,
+        speed_mps=float(closing[first, :, k].max()),
+        track=circles.id[k],
+        to_starboard=bool(np.cos(heading) * there[1] > np.sin(heading) * there[0]),
+    )
+
+
+def _gaps(
+    path: Float64, circles: Circles, hull: tuple[tuple[float, float], ...], dt: float
+) -> Float64:
+    """Give the distances between surfaces, (T + 1, H, K) [m]."""
+    ahead, own = np.array(hull).T
+    heading = path[:, 2, None]
+    x = path[:, 0, None] + ahead * np.cos(heading)  # (T + 1, H)
+    y = path[:, 1, None] + ahead * np.sin(heading)
+    time = dt * np.arange(len(path))[:, None]
+    there_x = circles.p_B[:, 0] + time * circles.v_B[:, 0]  # (T + 1, K)
+    there_y = circles.p_B[:, 1] + time * circles.v_B[:, 1]
+    distance = np.hypot(there_x[:, None] - x[:, :, None], there_y[:, None] - y[:, :, None])
+    gaps: Float64 = distance - own[:, None] - circles.radius
+    return gaps
