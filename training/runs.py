@@ -36,10 +36,14 @@ def locked(folder: Path) -> Iterator[None]:
     Raises
     ------
     ConfigError
-        Another process trains there.
+        Another process trains there, or nothing can be written there.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "lock").open("w") as lock:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = (folder / "lock").open("w")
+    except OSError as error:
+        raise ConfigError(f"cannot be written: {error.strerror}", file=folder) from error
+    with lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:

@@ -71,6 +71,15 @@ def test_a_run_directory_holds_one_run_at_a_time(tmp_path):
         pass
 
 
+def test_a_place_that_cannot_be_a_directory_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    with (
+        pytest.raises(ConfigError, match=r"file.*cannot be written"),
+        runs.locked(tmp_path / "file"),
+    ):
+        pass
+
+
 def test_the_lock_of_a_killed_process_is_free(tmp_path):
     code = (
         "import os, sys; from pathlib import Path; from twinscrew.training import runs\n"
