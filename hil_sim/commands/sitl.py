@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import ExitStack, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +17,8 @@ from twinscrew.hil_sim.scenario import Scenario, load_scenario
 from twinscrew.hil_sim.sitl import SitlReport, SitlSettings, sail
 from twinscrew.hil_sim.summary import as_dict, as_table, write_summary
 from twinscrew.hil_sim.supervisor import Result
+from twinscrew.hil_sim.viewer.process import viewer
+from twinscrew.hil_sim.viewer.scene import write_scene
 from twinscrew.runtime.errors import ConfigError
 
 NOT_ALL_ARRIVED = 1
@@ -38,6 +41,13 @@ def sitl(
         float | None, typer.Option(help="Time limit of the voyage [s], simulated.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the run's files.")] = None,
+    view: Annotated[
+        bool,
+        typer.Option("--view", help="Show it in a browser; with --lockstep, when it is over."),
+    ] = False,
+    port: Annotated[
+        int, typer.Option(help="With --view: port of the page; 0: any.", min=0, max=65535)
+    ] = 8077,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Sail simulated vessels with the real runtime, sensors to thrust.
@@ -46,15 +56,22 @@ def sitl(
     """
     made = _with_limit(load_scenario(scenario, vessels, buoys, seed), max_time)
     folder = _new_folder(out)
+    write_scene(folder, made)
     settings = SitlSettings(policy=policy, seed=seed, lockstep=lockstep)
     console = Console(stderr=True)
     if not as_json:
         pace = "in step" if lockstep else "in real time"
         console.print(f"{made.vessels} vessels, {made.name}, seed {seed}, policy {policy}, {pace}")
-    report = _sail(made, settings, folder, console, quiet=as_json)
+    with ExitStack() as stack:
+        if view and not lockstep:
+            shown = stack.enter_context(viewer("run", folder, port))
+            console.print(f"live view: [bold]{shown.url}[/bold]")
+        report = _sail(made, settings, folder, console, quiet=as_json)
     setup = {"scenario": made.name, **structs.asdict(settings)}
     write_summary(folder / "summary.json", report, setup)
     _tell(report, folder, as_json=as_json)
+    if view and lockstep:
+        _show(folder, port, console)
     if not report.success:
         raise typer.Exit(NOT_ALL_ARRIVED)
 
@@ -121,6 +138,13 @@ class _Lines:
 
 def _states(results: tuple[Result, ...]) -> str:
     return ", ".join(f"{result.name} {_state(result)}" for result in results)
+
+
+def _show(folder: Path, port: int, console: Console) -> None:
+    with viewer("replay", folder, port) as shown:
+        console.print(f"view: [bold]{shown.url}[/bold], until Ctrl-C")
+        with suppress(KeyboardInterrupt):
+            shown.wait()
 
 
 def _state(result: Result) -> str:

@@ -50,6 +50,8 @@ def view(
         raise ConfigError("give one of --connect, --config, --run and --replay", key="view")
     with listen(port) as taken:
         os.nice(NICE)
+        # Said before anything is read: a browser that comes early waits for the first answer.
+        print(f"http://{HOST}:{taken.getsockname()[1]}", flush=True)
         source: Source
         if replay is not None:
             source = open_source.from_recording(replay, topics)
@@ -60,7 +62,6 @@ def view(
         else:
             source = open_source.from_endpoint(str(connect), names, sensor)
         try:
-            print(f"http://{HOST}:{taken.getsockname()[1]}", flush=True)
             asyncio.run(_until_stopped(source, taken))
         finally:
             source.close()

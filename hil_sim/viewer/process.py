@@ -1,0 +1,55 @@
+"""A viewer beside a run: a process of its own, so that it cannot hold up anything."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Literal
+
+from twinscrew.runtime.errors import ConfigError
+
+STOP_LIMIT_S = 3.0
+"""[s] How long it may take to stop."""
+
+
+class Viewer:
+    """A running viewer."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self._process = process
+        stream = process.stdout
+        self.url = stream.readline().strip() if stream is not None else ""
+        """Where its page is."""
+        if not self.url:
+            process.wait()
+            raise ConfigError("the viewer did not start; what it said stands above", key="--view")
+
+    def wait(self) -> None:
+        """Wait until somebody stops it."""
+        self._process.wait()
+
+
+@contextmanager
+def viewer(way: Literal["run", "replay"], folder: Path, port: int) -> Iterator[Viewer]:
+    """Have a viewer look at a run or its recordings inside the context.
+
+    Raises
+    ------
+    ConfigError
+        It does not start: the port is in use.
+    """
+    command = [sys.executable, "-m", "twinscrew.runtime.app", "view"]
+    command += [f"--{way}", str(folder), "--port", str(port)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        yield Viewer(process)
+    finally:
+        process.terminate()
+        try:
+            process.wait(STOP_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
