@@ -1,0 +1,203 @@
+"""`twinscrew experiment`: the paper's experiments, and any one of their episodes again."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from twinscrew.hil_sim.experiments.ablations import ABLATIONS, parse_ablations, variants
+from twinscrew.hil_sim.experiments.engine import check_engine
+from twinscrew.hil_sim.experiments.folder import FILE, begin, go_on, read_folder
+from twinscrew.hil_sim.experiments.plan import Experiment, parse_methods
+from twinscrew.hil_sim.experiments.rerun import find, parse_line, rerun
+from twinscrew.hil_sim.experiments.results import results_sha256
+from twinscrew.hil_sim.experiments.runner import Finished, run
+from twinscrew.hil_sim.experiments.sets import load_sets
+from twinscrew.hil_sim.experiments.summary import Cell, summarise
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.settings import convert
+
+NOT_THE_SAME = 1
+SMOOTHING_S = 300.0
+"""[s] The ETA follows the speed of the last five minutes."""
+
+
+def experiment(
+    methods: Annotated[
+        str | None,
+        typer.Option(help="Names with commas: apf, mpc, a shipped policy, or NAME=FILE.onnx."),
+    ] = None,
+    sets: Annotated[str, typer.Option(help="paper (six sets), or a TOML file.")] = "paper",
+    episodes: Annotated[int, typer.Option(help="A set and a method.", min=1)] = 100,
+    seed: Annotated[int, typer.Option(help="What all episodes are drawn from.", min=0)] = 0,
+    jobs: Annotated[
+        int | None, typer.Option(help="Processes.", show_default="one a core", min=1)
+    ] = None,
+    engine: Annotated[
+        str, typer.Option(help="local, or ray (the cluster that RAY_ADDRESS names).")
+    ] = "local",
+    ablate: Annotated[
+        str, typer.Option(help=f"Sail simpler variants too: {', '.join(ABLATIONS)}.")
+    ] = "",
+    sensor: Annotated[str, typer.Option(help="A name in config/sensors, or a file.")] = "vrx32",
+    out: Annotated[Path | None, typer.Option(help="Folder of the results.")] = None,
+    resume: Annotated[
+        Path | None, typer.Option(help="Go on with the experiment in this folder.")
+    ] = None,
+    again: Annotated[
+        str | None,
+        typer.Option("--rerun", help="DIR:LINE: sail that one episode again, recorded."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
+) -> None:
+    """Sail the same episodes with several methods, in lock-step, and keep every result."""
+    if again is not None:
+        _rerun(again, out, as_json=as_json)
+        return
+    asked = None
+    if methods is not None:
+        asked = convert(
+            {
+                "methods": parse_methods(methods),
+                "sets": load_sets(sets).set,
+                "episodes": episodes,
+                "seed": seed,
+                "sensor": sensor,
+                "variants": variants(parse_ablations(ablate)),
+            },
+            Experiment,
+        )
+    engine_ = check_engine(engine)
+    folder, chosen = _folder(asked, out, resume)
+    workers = jobs or len(os.sched_getaffinity(0))
+    begin_s = time.monotonic()
+    console = Console(stderr=True)
+    with _bar(console, quiet=as_json) as bar:
+        task = bar.add_task("episodes", total=None)
+        finished = run(
+            chosen,
+            folder,
+            workers,
+            engine_,
+            lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    _tell(finished, folder, time.monotonic() - begin_s, as_json=as_json)
+
+
+def _folder(
+    asked: Experiment | None, out: Path | None, resume: Path | None
+) -> tuple[Path, Experiment]:
+    """Give the results' folder, new or gone on with, and what is to be sailed."""
+    if resume is not None:
+        if out is not None and out.resolve() != resume.resolve():
+            raise ConfigError(f"--resume goes on in {resume}, not in {out}", key="--out")
+        there = read_folder(resume).experiment
+        return resume, go_on(resume, asked or there).experiment
+    if asked is None:
+        raise ConfigError("name at least one, as ac_iqn,apf", key="--methods")
+    if out is None:
+        raise ConfigError("name a folder for the results", key="--out")
+    if (out / FILE).is_file():
+        raise ConfigError(f"holds results already; --resume {out} goes on with them", file=out)
+    return out, begin(out, asked).experiment
+
+
+def _bar(console: Console, *, quiet: bool) -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=console,
+        disable=quiet,
+        transient=True,
+        speed_estimate_period=SMOOTHING_S,
+    )
+
+
+def _tell(finished: Finished, folder: Path, wall_s: float, *, as_json: bool) -> None:
+    cells = summarise(finished.records)
+    sailed = len(finished.records) - finished.kept
+    digest = results_sha256(finished.records)
+    if as_json:
+        print(
+            json.dumps(
+                {
+                    "out": str(folder),
+                    "episodes": len(finished.records),
+                    "sailed_now": sailed,
+                    "kept": finished.kept,
+                    "results_sha256": digest,
+                    "cells": [one.record() for one in cells],
+                    "wall_s": round(wall_s, 2),
+                }
+            )
+        )
+        return
+    console = Console()
+    console.print(_table(cells))
+    console.print(f"{sailed} episodes sailed in {wall_s:.0f} s, {finished.kept} were there before")
+    console.print(f"results {digest[:16]}...; [bold]twinscrew report {folder}[/bold] tells more")
+
+
+def _table(cells: list[Cell]) -> Table:
+    table = Table("set", "method", "variant", "success", "95 %", "travel time", "failures")
+    for one in cells:
+        low, high = one.wilson95
+        mean, least, most = one.travel_time_s
+        table.add_row(
+            one.set,
+            one.method,
+            one.variant,
+            f"{one.successes}/{one.episodes}",
+            f"{low:.0%} .. {high:.0%}",
+            f"{mean:.2f} s ({least:.2f} .. {most:.2f})" if one.successes else "-",
+            ", ".join(f"{cause} {n}" for cause, n in one.failures.items() if n) or "-",
+        )
+    return table
+
+
+def _rerun(text: str, out: Path | None, *, as_json: bool) -> None:
+    folder, line = parse_line(text)
+    chosen, record = find(folder, line)
+    if out is None:
+        raise ConfigError("name a folder for the recordings", key="--out")
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise ConfigError("not an empty folder", file=out)
+    out.mkdir(parents=True, exist_ok=True)
+    result = rerun(chosen, record, out)
+    now = result.sailed.record
+    if as_json:
+        print(
+            json.dumps(
+                {
+                    "same": result.same,
+                    "method": now.method,
+                    "set": now.set,
+                    "variant": now.variant,
+                    "episode": now.episode,
+                    "seed": now.seed,
+                    "success": now.success,
+                    "decisions_sha256": now.decisions_sha256,
+                    "recorded_sha256": record.decisions_sha256,
+                    "out": str(out),
+                }
+            )
+        )
+    else:
+        verdict = "[green]the same, bit for bit[/green]" if result.same else "[red]differs[/red]"
+        Console().print(
+            f"{now.method}, {now.set}, episode {now.episode}, seed {now.seed}: {verdict}"
+        )
+        Console().print(f"[bold]{out}[/bold]: <vessel>/recording, trajectories.png")
+    if not result.same:
+        raise typer.Exit(NOT_THE_SAME)

@@ -1,0 +1,1 @@
+"""The paper's experiments: many episodes, several methods, the same episodes for all."""

@@ -1,0 +1,131 @@
+"""A results' folder: it carries its experiment, and takes no other one's episodes."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import msgspec
+
+from twinscrew.hil_sim.experiments.plan import Experiment
+from twinscrew.runtime.app.recorder import software
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.settings import CONFIG_DIR, Settings, convert
+
+FILE = "experiment.json"
+
+
+class Origin(Settings, frozen=True, kw_only=True):
+    """By what the results were made."""
+
+    commit: str
+    """Of the checkout; "-dirty" if it was not clean, "unknown" outside of one."""
+    software: dict[str, str]
+    machine: str
+
+
+class Folder(Settings, frozen=True, kw_only=True):
+    """What experiment.json holds."""
+
+    experiment: Experiment
+    origins: tuple[Origin, ...]
+    """The first, and every different one that went on with it."""
+
+
+def read_folder(path: Path) -> Folder:
+    """Read what a folder's results are of.
+
+    Raises
+    ------
+    ConfigError
+        It is no results' folder.
+    """
+    file = path / FILE
+    try:
+        values = msgspec.json.decode(file.read_bytes())
+    except OSError as error:
+        what = "not a folder of results" if path.is_dir() else "no such folder"
+        raise ConfigError(f"{what} ({error.strerror})", file=path) from error
+    except msgspec.DecodeError as error:
+        raise ConfigError(f"damaged: {error}", file=file) from error
+    return convert(values, Folder, file=file)
+
+
+def begin(path: Path, experiment: Experiment) -> Folder:
+    """Make a new results' folder; an empty one will do.
+
+    Raises
+    ------
+    ConfigError
+        The folder holds something already, or cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        if any(path.iterdir()):
+            raise ConfigError("the folder is not empty", file=path)
+    except OSError as error:
+        raise ConfigError(error.strerror or str(error), file=path) from error
+    return _write(path, Folder(experiment=experiment, origins=(origin(),)))
+
+
+def go_on(path: Path, experiment: Experiment) -> Folder:
+    """Open a results' folder to go on with the same experiment.
+
+    Raises
+    ------
+    ConfigError
+        It is of another experiment: which setting differs, and how.
+    """
+    there = read_folder(path)
+    differences = list(_differences(there.experiment, experiment))
+    if differences:
+        raise ConfigError(
+            f"these are results of another experiment: {'; '.join(differences)}", file=path
+        )
+    now = origin()
+    if now in there.origins:
+        return there
+    return _write(path, msgspec.structs.replace(there, origins=(*there.origins, now)))
+
+
+def origin() -> Origin:
+    """Tell by what results would be made now."""
+    return Origin(commit=_commit(), software=software(), machine=_cpu_model())
+
+
+def _differences(there: Experiment, asked: Experiment) -> list[str]:
+    before, now = (msgspec.to_builtins(one) for one in (there, asked))
+    return [f"{key} {before[key]}, not {now[key]}" for key in before if before[key] != now[key]]
+
+
+def _write(path: Path, folder: Folder) -> Folder:
+    """Write experiment.json whole or not at all."""
+    data = msgspec.json.format(msgspec.json.encode(folder), indent=2) + b"\n"
+    scratch = path / f"{FILE}.part"
+    try:
+        with scratch.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        scratch.replace(path / FILE)
+    except OSError as error:
+        raise ConfigError(error.strerror or str(error), file=path / FILE) from error
+    return folder
+
+
+def _commit() -> str:
+    git = shutil.which("git")
+    if git is None:
+        return "unknown"
+    words = [git, "-C", str(CONFIG_DIR), "describe", "--always", "--dirty", "--abbrev=12"]
+    answer = subprocess.run(words, capture_output=True, text=True, check=False)
+    return answer.stdout.strip() or "unknown"
+
+
+def _cpu_model() -> str:
+    for line in Path("/proc/cpuinfo").read_text().splitlines():
+        if line.startswith("model name"):
+            return f"{line.partition(':')[2].strip()}, {len(os.sched_getaffinity(0))} cores"
+    return "unknown"

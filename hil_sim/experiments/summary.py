@@ -1,0 +1,133 @@
+"""From episodes to the figures of one method, set and variant."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from statistics import fmean, median
+from typing import Any
+
+from twinscrew.hil_sim.experiments.record import EncounterRecord, EpisodeRecord
+from twinscrew.hil_sim.experiments.statistics import bootstrap_mean, percentiles, wilson
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rule:
+    """How a rule of the COLREGs was kept."""
+
+    encounters: int
+    acted: int
+    """[-] Encounters in which the vessel did as the rule asks."""
+    touched: int
+    deviated: int
+    """[-] The others: encounters - acted."""
+    safer: int
+    """[-] Deviations that kept farther off than the compliant course would have."""
+    gained_m: float
+    """[m] Median over the deviations of the distance so gained; nan without one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """One method's figures in one set and variant."""
+
+    method: str
+    set: str
+    variant: str
+    episodes: int
+    successes: int
+    wilson95: tuple[float, float]
+    travel_time_s: tuple[float, float, float]
+    """[s] Mean over the vessels of the successful episodes, and its 95 % bootstrap interval."""
+    failures: dict[str, int]
+    """[-] Episodes by the cause of their first failure: vessel, buoy, time."""
+    closest_approach_m: tuple[float, float, float]
+    """[m] 5 %, 25 % and 50 % percentile over all vessels."""
+    energy_kns: float
+    """[kN s] Mean a vessel in the successful episodes."""
+    decision_ms: tuple[float, float]
+    """[ms] Median of the episodes' p50, and of their p99 (each the slowest vessel's)."""
+    real_time_factor: float
+    head_on: Rule
+    give_way: Rule
+
+    @property
+    def success_rate(self) -> float:
+        """[-] Share of the episodes in which all vessels arrived in time and none touched."""
+        return self.successes / self.episodes
+
+    def record(self) -> dict[str, Any]:
+        """Give what `experiment --json` prints of it; None where there is no value."""
+        mean, low, high = self.travel_time_s
+        times = None if math.isnan(mean) else [round(mean, 3), round(low, 3), round(high, 3)]
+        return {
+            "method": self.method,
+            "set": self.set,
+            "variant": self.variant,
+            "episodes": self.episodes,
+            "successes": self.successes,
+            "success_rate": round(self.success_rate, 4),
+            "wilson95": [round(end, 4) for end in self.wilson95],
+            "travel_time_s": times[0] if times else None,
+            "travel_time_95_s": times[1:] if times else None,
+            "failures": self.failures,
+        }
+
+
+def summarise(records: Sequence[EpisodeRecord]) -> list[Cell]:
+    """Give a cell for each method, set and variant, in the order in which they first appear."""
+    groups: dict[tuple[str, str, str], list[EpisodeRecord]] = {}
+    for record in records:
+        groups.setdefault((record.method, record.set, record.variant), []).append(record)
+    return [cell(group) for group in groups.values()]
+
+
+def cell(records: Sequence[EpisodeRecord]) -> Cell:
+    """Give the figures of episodes of one kind; at least one."""
+    first = records[0]
+    successes = [record for record in records if record.success]
+    near = [v.closest_approach_m for record in records for v in record.vessels]
+    five, quarter, half = percentiles([m for m in near if m is not None], (5, 25, 50))
+    return Cell(
+        method=first.method,
+        set=first.set,
+        variant=first.variant,
+        episodes=len(records),
+        successes=len(successes),
+        wilson95=wilson(len(successes), len(records)),
+        travel_time_s=bootstrap_mean([[v.travel_time_s for v in r.vessels] for r in successes]),
+        failures={
+            cause: sum(record.cause == cause for record in records)
+            for cause in ("vessel", "buoy", "time")
+        },
+        closest_approach_m=(five, quarter, half),
+        energy_kns=_mean(v.energy_ns / 1e3 for record in successes for v in record.vessels),
+        decision_ms=(
+            median(record.timing.decision_p50_ms for record in records),
+            median(record.timing.decision_p99_ms for record in records),
+        ),
+        real_time_factor=median(r.timing.simulated_s / r.timing.wall_s for r in records),
+        head_on=rule(records, lambda encounter: encounter.kind == "head_on"),
+        give_way=rule(records, lambda encounter: encounter.kind == "give_way"),
+    )
+
+
+def rule(records: Iterable[EpisodeRecord], chosen: Callable[[EncounterRecord], bool]) -> Rule:
+    """Count how a rule was kept in the chosen encounters."""
+    encounters = [e for record in records for e in record.encounters if chosen(e)]
+    deviations = [e for e in encounters if not e.acted]
+    gained = [e.gap_m - e.rule_gap_m for e in deviations]
+    return Rule(
+        encounters=len(encounters),
+        acted=len(encounters) - len(deviations),
+        touched=sum(e.touched for e in encounters),
+        deviated=len(deviations),
+        safer=sum(gain > 0.0 for gain in gained),
+        gained_m=median(gained) if gained else math.nan,
+    )
+
+
+def _mean(values: Iterable[float]) -> float:
+    several = list(values)
+    return fmean(several) if several else math.nan

@@ -1,0 +1,30 @@
+"""A world that remembers what a vessel had touched when it was taken off the map."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from twinscrew.hil_sim.world import World
+
+Touched = Literal["vessel", "buoy", "quay"]
+
+
+class WitnessWorld(World):
+    """A world, and the first thing that each vessel hit."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        """See `World`."""
+        self.touched: dict[int, Touched] = {}
+        super().__init__(*args, **options)
+
+    def remove(self, vessel: int) -> None:
+        """Take a vessel off the map; before that, note what overlaps it most."""
+        if self.gaps[vessel].min() <= 0.0:
+            self.touched[vessel] = self._kind(int(self.gaps[vessel].argmin()))
+        super().remove(vessel)
+
+    def _kind(self, column: int) -> Touched:
+        """Say what a column of the gaps is: vessels come first, then buoys, then quays."""
+        if column < self.scenario.vessels:
+            return "vessel"
+        return "buoy" if column < self.scenario.vessels + len(self.scenario.buoys) else "quay"
