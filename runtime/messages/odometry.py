@@ -35,6 +35,8 @@ _COVARIANCE: Final = 36 * 8
 _BODY: Final = f"7d{_COVARIANCE}x6d{_COVARIANCE}x"
 _QUATERNION_TOLERANCE: Final = 1e-2
 """[-] How far from 1 the norm of an attitude may be; float32 senders are within 1e-6."""
+_GREATEST: Final = 1e8
+"""[m], [m/s], [rad/s] Farther than anything on earth, faster than any boat: not a measurement."""
 
 
 def decode_odometry(payload: bytes | memoryview) -> Odometry:
@@ -43,7 +45,8 @@ def decode_odometry(payload: bytes | memoryview) -> Odometry:
     Raises
     ------
     MessageError
-        Not such a message, a number is not finite, or the attitude is not a unit quaternion.
+        Not such a message, a number is not finite or absurd, or the attitude is not a unit
+        quaternion.
     """
     reader = Reader(payload, ODOMETRY_TYPE)
     stamp_ns, _ = read_header(reader)
@@ -51,7 +54,7 @@ def decode_odometry(payload: bytes | memoryview) -> Odometry:
     body = reader.values(_BODY, 8)
     reader.end()
     x, y, z, qx, qy, qz, qw, *twist = body
-    _check_finite(reader, body)
+    _check_numbers(reader, body)
     return Odometry(
         stamp_ns=stamp_ns,
         position_N=enu_to_ned(np.array((x, y, z))),
@@ -86,7 +89,7 @@ def decode_goal(payload: bytes | memoryview) -> Goal:
     stamp_ns, _ = read_header(reader)
     x, y, *_ = reader.values("7d", 8)
     reader.end()
-    _check_finite(reader, (x, y))
+    _check_numbers(reader, (x, y))
     return Goal(stamp_ns=stamp_ns, position_N=np.array((y, x)))
 
 
@@ -99,9 +102,12 @@ def encode_goal(goal: Goal, *, frame_id: str = WORLD_FRAME) -> bytes:
     return writer.payload()
 
 
-def _check_finite(reader: Reader, numbers: Iterable[float]) -> None:
-    if not all(map(math.isfinite, numbers)):
-        raise reader.fail("a number is not finite")
+def _check_numbers(reader: Reader, numbers: Iterable[float]) -> None:
+    for number in numbers:
+        if not math.isfinite(number):
+            raise reader.fail("a number is not finite")
+        if abs(number) > _GREATEST:
+            raise reader.fail(f"{number:g} cannot be: the greatest number allowed is {_GREATEST:g}")
 
 
 def _unit(reader: Reader, w: float, x: float, y: float, z: float) -> Array:

@@ -104,3 +104,10 @@ def test_a_goal_that_is_nowhere_is_refused():
     goal = encode_goal(Goal(stamp_ns=0, position_N=np.array((math.nan, 1.0))))
     with pytest.raises(MessageError, match="PoseStamped: a number is not finite"):
         decode_goal(goal)
+
+
+@pytest.mark.parametrize("absurd", [1.1e8, -1e300])
+def test_a_place_that_is_nowhere_on_earth_is_refused_with_its_number(absurd):
+    goal = Goal(stamp_ns=0, position_N=np.array([0.0, absurd]))
+    with pytest.raises(MessageError, match="cannot be: the greatest number allowed is 1e"):
+        cdr.decode_goal(cdr.encode_goal(goal))
