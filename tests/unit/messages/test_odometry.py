@@ -110,4 +110,4 @@ def test_a_goal_that_is_nowhere_is_refused():
 def test_a_place_that_is_nowhere_on_earth_is_refused_with_its_number(absurd):
     goal = Goal(stamp_ns=0, position_N=np.array([0.0, absurd]))
     with pytest.raises(MessageError, match="cannot be: the greatest number allowed is 1e"):
-        cdr.decode_goal(cdr.encode_goal(goal))
+        decode_goal(encode_goal(goal))
