@@ -24,24 +24,12 @@ using Points = nb::ndarray<const float, nb::shape<-1, 3>, nb::c_contig, nb::devi
 using Values = nb::ndarray<const float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using twinscrew::Kernel;
 
-void check(const twinscrew::RecordLayout& layout, std::size_t size, std::size_t points) {
-  std::size_t rows = 0, row = 0;
-  if (__builtin_mul_overflow(layout.height, layout.row_step, &rows) || rows > size ||
-      __builtin_mul_overflow(layout.width, layout.point_step, &row) || row > layout.row_step ||
-      layout.height * layout.width != points) {
-    throw std::invalid_argument("gather_frd: the records do not fit the data");
-  }
-  for (const std::size_t offset : layout.offsets) {
-    if (layout.point_step < sizeof(float) || offset > layout.point_step - sizeof(float)) {
-      throw std::invalid_argument("gather_frd: a field lies outside its record");
-    }
-  }
-}
-
 void gather_frd(Bytes data, std::array<std::size_t, 3> offsets, std::array<std::size_t, 2> shape,
                 std::array<std::size_t, 2> steps, OutPoints points_S) {
   const twinscrew::RecordLayout layout{offsets, shape[0], shape[1], steps[0], steps[1]};
-  check(layout, data.size(), points_S.shape(0));
+  if (!twinscrew::fits(layout, data.size(), points_S.shape(0))) {
+    throw std::invalid_argument("gather_frd: the records do not fit the data");
+  }
   const nb::gil_scoped_release release;
   twinscrew::gather_frd(data.data(), layout, points_S.data());
 }
