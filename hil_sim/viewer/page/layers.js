@@ -5,7 +5,7 @@ import { colours } from "./theme.js";
 const GRID_STEPS_M = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 const GRID_PX = 64;
 const AHEAD_S = 3; // velocities are drawn as the way of this long
-const ECHO_PX = 1.6;
+const ECHO_PX = 1.5;
 const HEAD_ON = 1; // runtime.policy.colregs.Situation
 
 export function drawGrid(pen, camera) {
@@ -64,6 +64,9 @@ export function drawScene(pen, camera, scene) {
     pen.fillStyle = colours.quay;
     pen.fill();
   }
+}
+
+export function drawBuoys(pen, camera, scene) {
   for (const [north, east, radius] of scene.buoys) {
     pen.fillStyle = colours.buoy;
     circle(pen, camera, north, east, radius, 4);
@@ -126,15 +129,16 @@ export function drawObjects(pen, camera, { objects }, colour) {
   pen.setLineDash([]);
 }
 
-export function drawTracks(pen, camera, { tracks }, colour) {
+export function drawTracks(pen, camera, { tracks }, colour, detailed) {
   const alpha = pen.globalAlpha;
   pen.strokeStyle = colour;
   pen.fillStyle = colour;
-  pen.lineWidth = 1.5;
+  pen.lineWidth = detailed ? 1.5 : 1;
   for (const { north, east, vNorth, vEast, radius, unseen } of tracks) {
-    pen.globalAlpha = alpha * (unseen > 0 ? 0.5 : 1);
+    pen.globalAlpha = alpha * (unseen > 0 || !detailed ? 0.5 : 1);
     circle(pen, camera, north, east, radius, 4);
     pen.stroke();
+    if (!detailed) continue;
     const [x, y] = [camera.x(east), camera.y(north)];
     arrow(pen, x, y, x + AHEAD_S * vEast * camera.scale, y - AHEAD_S * vNorth * camera.scale);
   }

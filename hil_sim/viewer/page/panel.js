@@ -5,6 +5,7 @@ import { drawSparkline } from "./sparkline.js";
 
 const SILENT_S = 1;
 const SHOWN_EVENTS = 3;
+const FEW = 3; // more vessels than this have shorter cards
 const TURN = 2 * Math.PI;
 
 export class Panel {
@@ -19,6 +20,7 @@ export class Panel {
   // Makes a card for every vessel that the greeting names.
   build() {
     this.cards = new Map(this.model.greeting.names.map((name) => [name, this.#card(name)]));
+    this.aside.classList.toggle("many", this.cards.size > FEW);
     this.aside.replaceChildren(...this.cards.values());
     this.paint();
   }
@@ -62,7 +64,9 @@ export class Panel {
     const ms = vessel.latency_ms;
     card.querySelector(".ms").textContent = ms === null ? "\u2013" : `${ms.toFixed(1)} ms`;
     drawSparkline(card.querySelector(".spark"), this.model.latencies.get(vessel.name), colours.faint);
-    card.querySelector(".events").replaceChildren(...vessel.events.slice(-SHOWN_EVENTS).reverse().map(eventLine));
+    const brief = this.cards.size > FEW && vessel.name !== this.model.following;
+    const events = vessel.events.slice(brief ? -1 : -SHOWN_EVENTS).reverse();
+    card.querySelector(".events").replaceChildren(...events.map(eventLine));
   }
 
   #figures(card, { pose, velocity, goal }) {
