@@ -125,7 +125,7 @@ def test_a_folder_that_cannot_be_written_to_fails(
 
 
 def test_a_nearly_full_disk_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    usage = namedtuple("usage", "total used free")  # noqa: PYI024
+    usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(checks.shutil, "disk_usage", lambda path: usage(9e9, 8e9, 1e9))
     found = line("disk", tmp_path)
     assert (found.verdict, found.found.split(" at ")[0]) == (Verdict.WARN, "1.0 GB free")
