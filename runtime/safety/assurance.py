@@ -52,6 +52,8 @@ class AssuranceSettings(Settings, frozen=True):
     """[s] Time step of the prediction."""
     wait_s: NonNegative = 0.3
     """[s] A command is let pass while a manoeuvre that begins this much later avoids contact."""
+    least_radius_m: NonNegative = 0.8
+    """[m] Objects are at least this large: of a buoy of 0.75 m, 0.5 to 0.7 m are seen."""
     margin_m: NonNegative = 0.5
     """[m] Nearer than this to a surface, closing in is limited."""
     approach_per_s: NonNegative = 1.0
@@ -135,7 +137,7 @@ class Assurance:
         if not circles.id:
             return command, self._release(stamp_ns)
         motion = Motion(*levelled_twist(odometry).tolist())
-        given, wanted = Thrust(*previous.tolist()), Thrust(*command.tolist())
+        given, wanted = _pair(previous), _pair(command)
         danger = self._judge(motion, wanted, _held(wanted), circles)
         resumes = self._begun is not None and not decided
         if not resumes and self._may_pass(motion, wanted, danger, circles):
@@ -143,7 +145,7 @@ class Assurance:
         manoeuvre, rest = self._best(motion, given, danger, circles)
         if not resumes and rest.harm > danger.harm - self.settings.tolerance_mps:
             return command, self._release(stamp_ns)
-        thrust = slewed(given, manoeuvre.law(0.0, motion), self.settings.slew_nps * since_s)
+        thrust = slewed(given, manoeuvre.law(0.0, motion.surge), self.settings.slew_nps * since_s)
         return np.array(thrust), self._intervene(stamp_ns, manoeuvre.name, danger)
 
     def _since_last(self, stamp_ns: int) -> float:
@@ -159,6 +161,7 @@ class Assurance:
             tracks,
             reach_m=self._reach_m,
             horizon_s=settings.horizon_s,
+            least_radius_m=settings.least_radius_m,
             static_mps=settings.static_mps,
         )
 
@@ -235,28 +238,32 @@ class Assurance:
         return (ASSURANCE_RELEASED.at(stamp_ns, f"after {lasted_s:.1f} s"),)
 
 
+def _pair(thrust: Float64) -> Thrust:
+    return float(thrust[0]), float(thrust[1])
+
+
 def _held(thrust: Thrust) -> Law:
-    return lambda time_s, motion: thrust  # noqa: ARG005
+    return lambda time_s, surge: thrust  # noqa: ARG005
 
 
 def _later(wait_s: float, command: Thrust, law: Law) -> Law:
     """Follow the command for a while, then the law."""
-    return lambda time_s, motion: law(time_s, motion) if time_s >= wait_s - 1e-9 else command
+    return lambda time_s, surge: law(time_s, surge) if time_s >= wait_s - 1e-9 else command
 
 
 def _brake(gain_nspm: float, turn_n: float, limits: ThrustLimits) -> Law:
     """Thrust against the speed until it is gone, and meanwhile turn."""
     clip = _clip(limits)
-    return lambda time_s, motion: Thrust(  # noqa: ARG005
-        clip(turn_n - gain_nspm * motion.surge), clip(-turn_n - gain_nspm * motion.surge)
+    return lambda time_s, surge: (  # noqa: ARG005
+        clip(turn_n - gain_nspm * surge),
+        clip(-turn_n - gain_nspm * surge),
     )
 
 
 def _turn(side: float, limits: ThrustLimits) -> Law:
     """Turn as hard as can be: side 1 to starboard, -1 to port."""
     ahead, astern = limits.max_n, limits.min_n
-    thrust = Thrust(ahead, astern) if side > 0 else Thrust(astern, ahead)
-    return _held(thrust)
+    return _held((ahead, astern) if side > 0 else (astern, ahead))
 
 
 def _clip(limits: ThrustLimits) -> Callable[[float], float]:

@@ -43,7 +43,13 @@ NO_CONTACT = Contact(0.0)
 
 
 def surroundings(
-    odometry: Odometry, tracks: Tracks, *, reach_m: float, horizon_s: float, static_mps: float
+    odometry: Odometry,
+    tracks: Tracks,
+    *,
+    reach_m: float,
+    horizon_s: float,
+    least_radius_m: float,
+    static_mps: float,
 ) -> Circles:
     """Give what could be met within the horizon.
 
@@ -53,20 +59,23 @@ def surroundings(
         How far the edge of the vessel, with its margin, can get within the horizon [m].
     horizon_s : float
         [s]
+    least_radius_m : float
+        No object is taken to be smaller [m].
     static_mps : float
         Slower tracks stand still [m/s].
     """
     speed = np.hypot(tracks.v_N[:, 0], tracks.v_N[:, 1])
     speed = np.where(speed < static_mps, 0.0, speed)
     offset_N = tracks.p_N - odometry.position_N[:2]
-    gap = np.hypot(offset_N[:, 0], offset_N[:, 1]) - tracks.radius - reach_m
+    radius = np.maximum(tracks.radius, least_radius_m)
+    gap = np.hypot(offset_N[:, 0], offset_N[:, 1]) - radius - reach_m
     near = np.flatnonzero(gap < speed * horizon_s)
     R_NB = rotation_2d(odometry.heading)
     return Circles(
         id=tuple(tracks.id[near].tolist()),
         p_B=offset_N[near] @ R_NB,
         v_B=np.where(speed[near, None] > 0.0, tracks.v_N[near], 0.0) @ R_NB,
-        radius=tracks.radius[near],
+        radius=radius[near],
     )
 
 
@@ -95,7 +104,9 @@ def worst_contact(
         [m] Circles that cover the own hull: how far ahead of the origin, radius.
     """
     steps = len(path) - 1
-    gap = _gaps(path, circles, hull, dt)
+    gap = gaps(path, circles, hull, dt)
+    if gap.min() >= margin_m:
+        return NO_CONTACT
     closing = (gap[:-1] - gap[1:]) / dt
     allowed = approach_per_s * np.maximum(gap[1:], 0.0)
     too_fast = np.where(gap[1:] < margin_m, closing - allowed, 0.0)
@@ -116,17 +127,17 @@ def worst_contact(
     )
 
 
-def _gaps(
+def gaps(
     path: Float64, circles: Circles, hull: tuple[tuple[float, float], ...], dt: float
 ) -> Float64:
-    """Give the distances between surfaces, (T + 1, H, K) [m]."""
+    """Give the distances between surfaces along a path, (T + 1, H, K) [m]; see `worst_contact`."""
     ahead, own = np.array(hull).T
-    heading = path[:, 2, None]
-    x = path[:, 0, None] + ahead * np.cos(heading)  # (T + 1, H)
-    y = path[:, 1, None] + ahead * np.sin(heading)
-    time = dt * np.arange(len(path))[:, None]
-    there_x = circles.p_B[:, 0] + time * circles.v_B[:, 0]  # (T + 1, K)
-    there_y = circles.p_B[:, 1] + time * circles.v_B[:, 1]
-    distance = np.hypot(there_x[:, None] - x[:, :, None], there_y[:, None] - y[:, :, None])
-    gaps: Float64 = distance - own[:, None] - circles.radius
-    return gaps
+    # Points of the plane as complex numbers, x + iy: a rotation is one product.
+    here = path[:, :2].copy().view(np.complex128)
+    if ahead.any():
+        here = here + ahead * np.exp(1j * path[:, 2:])
+    there = circles.p_B.view(np.complex128).T
+    there = there + dt * np.arange(len(path))[:, None] * circles.v_B.view(np.complex128).T
+    apart: Float64 = np.abs(there[:, None] - here[:, :, None])
+    apart -= own[:, None] + circles.radius
+    return apart

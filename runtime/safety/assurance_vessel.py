@@ -58,24 +58,18 @@ class Motion(NamedTuple):
     """[rad/s]"""
 
 
-class Thrust(NamedTuple):
-    """Of both propellers."""
+Thrust = tuple[float, float]
+"""[N] Of the left and the right propeller."""
 
-    left: float
-    """[N]"""
-    right: float
-    """[N]"""
-
-
-Law = Callable[[float, Motion], Thrust]
-"""What a manoeuvre wants of the propellers, by the time from now [s] and the motion then."""
+Law = Callable[[float, float], Thrust]
+"""What a manoeuvre wants of the propellers, by the time from now [s] and the surge then [m/s]."""
 
 
 def slewed(thrust: Thrust, wanted: Thrust, step_n: float) -> Thrust:
     """Change each thrust by at most a step [N] towards what is wanted."""
-    return Thrust(
-        thrust.left + min(max(wanted.left - thrust.left, -step_n), step_n),
-        thrust.right + min(max(wanted.right - thrust.right, -step_n), step_n),
+    return (
+        thrust[0] + min(max(wanted[0] - thrust[0], -step_n), step_n),
+        thrust[1] + min(max(wanted[1] - thrust[1], -step_n), step_n),
     )
 
 
@@ -89,7 +83,7 @@ def predict(
     dt: float,
     slew_nps: float,
 ) -> Float64:
-    """Sail a manoeuvre: semi-implicit Euler, velocity first.
+    """Sail a manoeuvre: Euler steps of the velocity, trapezoids of the position.
 
     Parameters
     ----------
@@ -115,15 +109,19 @@ def predict(
     x = y = heading = 0.0
     path = [(x, y, heading)]
     for step in range(steps):
-        thrust = slewed(thrust, law(step * dt, Motion(u, v, r)), slew_nps * dt)
+        wanted = law(step * dt, u)
+        if wanted != thrust:
+            thrust = slewed(thrust, wanted, slew_nps * dt)
         left, right = thrust
         surge = left + right + m22 * v * r - (x_u + x_uu * abs(u)) * u
         sway = -m11 * u * r - (y_v + y_vv * abs(v)) * v
         yaw = (left - right) * lever + (m11 - m22) * u * v - (n_r + n_rr * abs(r)) * r
-        u, v, r = u + dt * surge / m11, v + dt * sway / m22, r + dt * yaw / m66
-        cosine, sine = math.cos(heading), math.sin(heading)
-        x += dt * (cosine * u - sine * v)
-        y += dt * (sine * u + cosine * v)
-        heading += dt * r
+        # The mean of the velocities before and after: the new ones alone would brake too well.
+        du, dv, dr = dt * surge / m11, dt * sway / m22, dt * yaw / m66
+        ahead, across, turn = u + du / 2.0, v + dv / 2.0, dt * (r + dr / 2.0)
+        cosine, sine = math.cos(heading + turn / 2.0), math.sin(heading + turn / 2.0)
+        x += dt * (cosine * ahead - sine * across)
+        y += dt * (sine * ahead + cosine * across)
+        u, v, r, heading = u + du, v + dv, r + dr, heading + turn
         path.append((x, y, heading))
     return np.array(path)
