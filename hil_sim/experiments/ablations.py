@@ -7,9 +7,11 @@ switch on, one of these differences is gone; what the success rate gains by it, 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 from msgspec import structs
 
+from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.supervisor import SupervisorSettings
 from twinscrew.runtime.errors import ConfigError, one_of
@@ -21,6 +23,7 @@ ABLATIONS = {
     "no_wind": "no wind",
     "no_waves": "flat water",
     "training_vessel": "mass, inertia, drag and thrusters of the training environment",
+    "goal_4m": "a goal is reached within 4 m, as the authors' code has it for APF and MPC",
     "vanish": "vessels leave the map at their goals, as in training",
 }
 """What each switch does."""
@@ -63,6 +66,11 @@ def vessel_of(switches: Switches) -> str:
     """Name the vessel that sails."""
     trained = CONFIG_DIR / "experiments" / "training_vessel.toml"
     return str(trained) if "training_vessel" in switches else "wam_v"
+
+
+def eased(scenario: Scenario, switches: Switches) -> Scenario:
+    """Widen the goals."""
+    return replace(scenario, goal_radius=4.0) if "goal_4m" in switches else scenario
 
 
 def supervision(switches: Switches) -> SupervisorSettings:

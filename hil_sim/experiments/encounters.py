@@ -8,8 +8,9 @@ true positions and velocities, and lasts until the two were nearest. In it a ves
 - and in both: if the two did not touch.
 
 Where it did not, the question is whether that was safer. The answer compares how near it came to
-anything at all with how near it would have come on the compliant course (`colregs.
-compliant_course`): same speed, a steady turn to it, everybody else as they really moved.
+anything at all with how near it would have come by the rules: it turns to the compliant course
+(`colregs.compliant_course`) at its speed; the other does the same in a head-on encounter, and
+stands on (course and speed) in a crossing; everybody else moves as they really did.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ class EncounterSettings(Settings, frozen=True, kw_only=True):
 
     least_samples: Count = 3
     """[-] A situation that lasts fewer samples of the log is not counted."""
-    horizon_s: Positive = 15.0
-    """[s] An encounter ends this long after its beginning at the latest: 50 m at full speed."""
+    horizon_s: Positive = 10.0
+    """[s] An encounter ends this long after its beginning at the latest: 33 m at full speed."""
     turn_rate_radps: Positive = 0.5
     """[rad/s] Steady turn at speed (docs/simulator.md: turning circle, 2.98 m/s on 11.7 m)."""
 
@@ -87,11 +88,11 @@ class Encounter:
     gap_m: float
     """[m] Least distance between the ego's surface and anything's, from begin to the horizon."""
     rule_gap_m: float
-    """[m] The same, had it taken the compliant course."""
+    """[m] The same, had the two gone by the rules."""
 
     @property
     def safer(self) -> bool:
-        """True if what it did kept it farther off than the compliant course would have."""
+        """True if what it did kept it farther off than the rules would have."""
         return self.gap_m > self.rule_gap_m
 
 
@@ -212,8 +213,8 @@ def _judge(
         window = slice(begin, cpa + 1)
         others = course.p_N[window, other], course.v_N[window, other]
         right = not crossed_ahead(course.p_N[window, ego], *others)
-    track = course.p_N[begin:end, ego]
-    asked = _as_asked(course, ego, other, begin, end, settings)
+    real = course.p_N[begin:end]
+    asked = _by_the_rules(course, ego, other, kind, begin, end, settings)
     return Encounter(
         kind=kind,
         ego=ego,
@@ -222,26 +223,37 @@ def _judge(
         end_s=float(course.times[cpa]),
         acted=right and not touched,
         touched=touched,
-        gap_m=_least_gap(course, ego, track, begin, end),
+        gap_m=_least_gap(course, ego, real, begin, end),
         rule_gap_m=_least_gap(course, ego, asked, begin, end),
     )
 
 
-def _as_asked(
-    course: Course, ego: int, other: int, begin: int, end: int, settings: EncounterSettings
+def _by_the_rules(
+    course: Course,
+    ego: int,
+    other: int,
+    kind: Kind,
+    begin: int,
+    end: int,
+    settings: EncounterSettings,
 ) -> Float64:
-    p = course.p_N[begin, other] - course.p_N[begin, ego]
-    v = course.v_N[begin, ego]
-    radius = np.array(course.radius)
-    asked = float(compliant_course(p, radius, course.radius))
+    """Give where all would have been, (n, V, 2) [m] N, had the two gone by the rules."""
     elapsed = course.times[begin:end] - course.times[begin]
-    return compliant_track(course.p_N[begin, ego], v, asked, settings.turn_rate_radps, elapsed)
+    tracks = course.p_N[begin:end].copy()
+    for vessel, met in ((ego, other), (other, ego)):
+        p, v = course.p_N[begin], course.v_N[begin, vessel]
+        stands_on = vessel == other and kind == "give_way"
+        to = float(np.arctan2(v[1], v[0]))
+        if not stands_on:
+            to = float(compliant_course(p[met] - p[vessel], np.array(course.radius), course.radius))
+        tracks[:, vessel] = compliant_track(p[vessel], v, to, settings.turn_rate_radps, elapsed)
+    return tracks
 
 
-def _least_gap(course: Course, ego: int, track: Float64, begin: int, end: int) -> float:
-    """Give the least distance between surfaces on a track, to all others and to buoys."""
-    others = np.delete(course.p_N[begin:end], ego, axis=1)
-    offset = others - track[:, None]
+def _least_gap(course: Course, ego: int, tracks: Float64, begin: int, end: int) -> float:
+    """Give the least distance of the ego's surface on tracks, (n, V, 2), to all others and buoys."""
+    track = tracks[:, ego]
+    offset = np.delete(tracks, ego, axis=1) - track[:, None]
     gaps = np.hypot(offset[..., 0], offset[..., 1]) - 2 * course.radius
     gone = course.times[begin:end, None] > np.delete(course.gone_s, ego)
     least = np.where(gone, np.inf, gaps).min(initial=np.inf)

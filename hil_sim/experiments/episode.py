@@ -15,6 +15,7 @@ from twinscrew.hil_sim.drivers.voyage import Voyage, VoyageResult
 from twinscrew.hil_sim.experiments.ablations import (
     Switches,
     calmed,
+    eased,
     label,
     supervision,
     vessel_of,
@@ -68,7 +69,7 @@ def sail_episode(task: Task, folder: Path | None = None) -> Sailed:
     """
     begin_s = time.perf_counter()
     try:
-        scenario = task.set.draw(task.seed)
+        scenario = eased(task.set.draw(task.seed), task.switches)
         world = _world(scenario, task)
         crew = _crew(world, task, folder)
         voyage = _sail(world, crew, task)

@@ -25,6 +25,8 @@ SUMMARIES = {
     "train": "Train policies in the fast environment.",
     "export": "Turn a training run's actor into a self-contained ONNX file.",
     "evaluate": "Score a policy in the training environment.",
+    "experiment": "Sail the paper's experiments: many episodes, several methods.",
+    "report": "Turn an experiment's results into tables and figures.",
     "replay": "Feed a recording to the core again and print the decisions' SHA-256.",
     "perceive": "Segment one point cloud file and print its objects.",
     "bench": "Measure speed, latency and perception, and print the figures.",

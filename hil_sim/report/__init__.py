@@ -1,0 +1,1 @@
+"""What experiments say: tables, figures, and the report that holds them."""

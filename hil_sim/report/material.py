@@ -1,0 +1,143 @@
+"""What a report is made of: an experiment's folder, its cells, and what others published."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from twinscrew.hil_sim.experiments.ablations import FULL, label
+from twinscrew.hil_sim.experiments.folder import Folder, read_folder
+from twinscrew.hil_sim.experiments.plan import Experiment
+from twinscrew.hil_sim.experiments.record import EpisodeRecord
+from twinscrew.hil_sim.experiments.results import FILE, read_results
+from twinscrew.hil_sim.experiments.sets import load_sets
+from twinscrew.hil_sim.experiments.summary import Cell, summarise
+from twinscrew.runtime.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True)
+class Trained:
+    """A method's score in one set of the training environment (`twinscrew evaluate`)."""
+
+    success_rate: float
+    episodes: int
+    travel_time_s: float
+    """[s] nan if nothing arrived."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """An experiment's results, ready to be told."""
+
+    path: Path
+    folder: Folder
+    records: tuple[EpisodeRecord, ...]
+    trained: Mapping[str, tuple[Trained, ...]]
+    """By method, one a set."""
+
+    @property
+    def experiment(self) -> Experiment:
+        """What was asked for."""
+        return self.folder.experiment
+
+    @property
+    def methods(self) -> list[str]:
+        """Names, in the order in which they were given."""
+        return [method.name for method in self.experiment.methods]
+
+    @property
+    def sets(self) -> list[str]:
+        """Names, in the order of the file."""
+        return [one.name for one in self.experiment.sets]
+
+    @property
+    def variants(self) -> list[str]:
+        """Names, the full simulator first."""
+        return [label(switches) for switches in self.experiment.variants]
+
+    @cached_property
+    def cells(self) -> dict[tuple[str, str, str], Cell]:
+        """The figures by method, set, variant; what was not sailed yet is missing."""
+        return {(one.method, one.set, one.variant): one for one in summarise(self.records)}
+
+    @cached_property
+    def pooled(self) -> dict[tuple[str, str], Cell]:
+        """The figures by method and variant, over all sets."""
+        cells = {}
+        for method in self.methods:
+            for variant in self.variants:
+                chosen = [r for r in self.records if (r.method, r.variant) == (method, variant)]
+                if chosen:
+                    (cells[method, variant],) = summarise(_merged(chosen))
+        return cells
+
+    @cached_property
+    def published(self) -> dict[tuple[str, str], float]:
+        """[s] The paper's travel times by method and set; nan where nothing succeeded."""
+        paper = load_sets("paper")
+        return {
+            (method, one.name): value
+            for method, row in paper.published_travel_time_s.items()
+            for one, value in zip(paper.set, row, strict=True)
+        }
+
+    def full(self, method: str, set_name: str) -> Cell | None:
+        """Give the figures in the full simulator."""
+        return self.cells.get((method, set_name, FULL))
+
+    def line_of(self, record: EpisodeRecord) -> int:
+        """Give the line of results.jsonl that holds an episode."""
+        return self.records.index(record) + 1
+
+
+def gather(path: Path, evaluations: Iterable[str] = ()) -> Material:
+    """Read a results' folder, and training evaluations given as `METHOD=FILE`.
+
+    Raises
+    ------
+    ConfigError
+        It is no results' folder, it is empty, or an evaluation cannot be used.
+    RecordingError
+        Its results are damaged.
+    """
+    folder = read_folder(path)
+    records = tuple(read_results(path / FILE)) if (path / FILE).is_file() else ()
+    if not records:
+        raise ConfigError("no episode has been sailed yet", file=path)
+    count = len(folder.experiment.sets)
+    return Material(path, folder, records, dict(_trained(text, count) for text in evaluations))
+
+
+def _trained(text: str, sets: int) -> tuple[str, tuple[Trained, ...]]:
+    method, equals, name = text.partition("=")
+    if not equals:
+        raise ConfigError(f"must be METHOD=FILE, got {text!r}", key="--evaluations")
+    try:
+        rows = json.loads(Path(name).read_text())["settings"]
+        scores = tuple(_score(row) for row in rows)
+    except OSError as error:
+        raise ConfigError(error.strerror or str(error), file=name) from error
+    except (ValueError, KeyError, TypeError) as error:
+        what = "not what `twinscrew evaluate --all --json` prints"
+        raise ConfigError(f"{what} ({error!r})", file=name) from error
+    if len(scores) != sets:
+        raise ConfigError(f"has {len(scores)} settings, the experiment {sets} sets", file=name)
+    return method, scores
+
+
+def _score(row: Mapping[str, float | None]) -> Trained:
+    rate, episodes, time_s = row["success_rate"], row["episodes"], row["travel_time_s"]
+    if rate is None or episodes is None:
+        raise ValueError(row)
+    return Trained(float(rate), int(episodes), math.nan if time_s is None else float(time_s))
+
+
+def _merged(records: list[EpisodeRecord]) -> list[EpisodeRecord]:
+    """Give episodes as of one set, so that they are one cell."""
+    from msgspec.structs import replace
+
+    return [replace(record, set="all") for record in records]

@@ -1,0 +1,142 @@
+"""REPORT.md: an experiment's results in words, tables and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from twinscrew.hil_sim.experiments.results import results_sha256
+from twinscrew.hil_sim.experiments.runner import count
+from twinscrew.hil_sim.report import bars, gallery, tables
+from twinscrew.hil_sim.report.gallery import Picture, Told
+from twinscrew.hil_sim.report.markdown import table
+from twinscrew.hil_sim.report.material import Material
+from twinscrew.runtime.errors import RecordingError
+
+FILE = "REPORT.md"
+FIGURES = "figures"
+
+
+def write_report(
+    material: Material, failures: int = 6, told: Told | None = None, *, trajectories: bool = True
+) -> Path:
+    """Write REPORT.md and its figures into the results' folder.
+
+    Parameters
+    ----------
+    failures
+        [-] How many failures to sail again and draw.
+    told
+        Hears what is being drawn.
+    trajectories
+        False: nothing is sailed again.
+
+    Raises
+    ------
+    RecordingError
+        The disk is full, or failed.
+    """
+    folder = material.path / FIGURES
+    try:
+        folder.mkdir(exist_ok=True)
+        bars.draw_success(folder / "success.png", material)
+        bars.draw_closest(folder / "closest_approach.png", material)
+        pictures = _trajectories(material, folder, told) if trajectories else []
+        failed = gallery.failures(material, folder, failures, told) if trajectories else []
+        path = material.path / FILE
+        path.write_text("\n\n".join(_parts(material, pictures, failed)) + "\n")
+    except OSError as error:
+        raise RecordingError(f"{material.path}: {error.strerror or error}") from error
+    return path
+
+
+def _trajectories(material: Material, folder: Path, told: Told | None) -> list[Picture]:
+    pictures = []
+    for name, make in (("open water", gallery.open_water), ("passage", gallery.passage)):
+        if told is not None:
+            told(name)
+        picture = make(material, folder)
+        if picture is not None:
+            pictures.append(picture)
+    return pictures
+
+
+def _parts(material: Material, pictures: Sequence[Picture], failed: Sequence[Picture]) -> list[str]:
+    parts = ["# Report of an experiment", *_setting(material)]
+    parts += ["## Success", SUCCESS, f"![success rates]({FIGURES}/success.png)"]
+    parts += [tables.success(material), "Over all sets, and what failed first:"]
+    parts += [tables.failures(material), "## Travel time", TRAVEL, tables.travel_time(material)]
+    if len(material.methods) > 1:
+        parts += ["## Method against method", PAIRED, tables.paired(material)]
+    parts += ["## Closest approach", CLOSEST, f"![closest]({FIGURES}/closest_approach.png)"]
+    parts += [tables.closest_approach(material), "## COLREGs", COLREGS, tables.colregs(material)]
+    parts += ["## Effort and speed", EFFORT, tables.effort(material)]
+    if material.trained or len(material.variants) > 1:
+        parts += ["## From training to the simulator", GAP, tables.gap(material)]
+    if pictures:
+        parts += ["## Trajectories", ARROWS, *_shown(pictures)]
+    if failed:
+        parts += ["## Failures", RERUN, *_shown(failed)]
+    return parts
+
+
+def _setting(material: Material) -> list[str]:
+    experiment, folder = material.experiment, material.folder
+    there, planned = len(material.records), count(experiment)
+    unfinished = "" if there == planned else f" **Unfinished: {planned - there} are missing.**"
+    asked = table(
+        ["what", "value"],
+        [
+            ["episodes", f"{there}, {experiment.episodes} a set, method and variant"],
+            ["seed", f"{experiment.seed}; each episode's own is in its line"],
+            ["sensor", experiment.sensor],
+            ["results", f"SHA-256 {results_sha256(material.records)[:16]}..."],
+            *(["commit, machine", f"{o.commit}; {o.machine}"] for o in folder.origins),
+        ],
+    )
+    methods = [[method.name, f"{method.sha256[:16]}..."] for method in experiment.methods]
+    return [SETTING + unfinished, asked, table(["method", "SHA-256 of its policy"], methods)]
+
+
+def _shown(pictures: Sequence[Picture]) -> list[str]:
+    return [
+        f"{picture.caption}\n\n![trajectories]({FIGURES}/{picture.file})"
+        if picture.file
+        else picture.caption
+        for picture in pictures
+    ]
+
+
+SETTING = """\
+Every vessel of an episode sails by the same method, on the whole runtime: LiDAR, segmentation,
+tracking, policy, MAVLink; in the paper's wind and waves. Every method sails the same episodes. An
+episode fails if anything is touched or a vessel is under way for over 90 s."""
+SUCCESS = "Share of episodes; in brackets Wilson's 95 % interval [%]."
+TRAVEL = """\
+Mean over the vessels of the successful episodes; in brackets the 95 % bootstrap interval, whole
+episodes resampled. Methods succeed in different episodes: one that fails where it is hard looks
+faster than it is. The paper's rows are its table "Travel time data from VRX experiments"."""
+PAIRED = """\
+On the same episodes of all sets; p: McNemar's exact test, adjusted after Holm for the number of
+rows."""
+CLOSEST = """\
+Least distance between a vessel's surface and anything else's while under way, over all vessels and
+sets; below 0 is a collision. Surfaces are circles of 2.8 m and 0.75 m."""
+COLREGS = """\
+Encounters by the paper's zones, with the true positions. Asked is: in a head-on one, to leave the
+other to port; where the vessel must give way, not to cross ahead; and not to touch. A deviation was
+safer if it kept farther off everything than the two would have been by the rules: both turning to
+the compliant course in a head-on encounter, the other standing on in a crossing, at their speeds,
+with everybody else as they really moved; gained is the median of that difference."""
+EFFORT = """\
+Energy: the integral of |T| dt over both propellers, mean a vessel in successful episodes.
+Decisions: from a scan's bytes to the thrust command's, median of the episodes' (the slowest
+vessel's), while the machine did whatever else it did."""
+GAP = """\
+Success rate and mean travel time. Training: `twinscrew evaluate --all`, other episodes of the same
+kind, and travel times of every vessel that arrived. Full: the simulator; then the same episodes
+with single differences to training switched off, and with all of them off at once."""
+ARROWS = """\
+Outlines every 4 s with the time in seconds; arrows are velocities, 1 m for 1 m/s."""
+RERUN = """\
+`twinscrew experiment --rerun DIR:LINE --out NEW` sails any of them again, with recordings."""
