@@ -1,0 +1,62 @@
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from twinscrew.hil_sim.figures import HULL_LENGTH_M, HULL_WIDTH_M, draw_trajectories, outline
+from twinscrew.hil_sim.scenario import load_scenario
+from twinscrew.hil_sim.trajectory import TrajectoryLog
+
+
+def area(polygon: np.ndarray) -> float:
+    x, y = polygon.T
+    return 0.5 * abs(float(np.dot(x[:-1], y[1:]) - np.dot(x[1:], y[:-1])))
+
+
+@pytest.mark.parametrize(
+    ("heading", "bow"),
+    [(0.0, (20.0, 12.5)), (math.pi / 2, (22.5, 10.0)), (math.pi, (20.0, 7.5))],
+)
+def test_the_bow_points_where_the_vessel_heads_on_a_map_with_north_up(
+    heading: float, bow: tuple[float, float]
+) -> None:
+    polygon = outline(10.0, 20.0, heading)
+    np.testing.assert_allclose(polygon[0], bow, atol=1e-9)
+    np.testing.assert_allclose(polygon[-1], polygon[0])
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.7, -2.0])
+def test_an_outline_has_the_hulls_size_whatever_the_heading(heading: float) -> None:
+    pointed = HULL_LENGTH_M * HULL_WIDTH_M * 0.9  # the bow's two corners, a tenth, are cut
+    assert area(outline(3.0, -4.0, heading)) == pytest.approx(pointed)
+
+
+def drawn(folder: Path, name: str, steps: int) -> np.ndarray:
+    scenario = load_scenario(name)
+    log = TrajectoryLog()
+    pose = scenario.starts.copy()
+    for k in range(steps):
+        pose[:, :2] += 0.05 * (scenario.goals - scenario.starts[:, :2]) / 10
+        log.add(0.1 * k, pose, np.ones((scenario.vessels, 2)), np.zeros((scenario.vessels, 2)))
+    path = folder / f"{name}{steps}.png"
+    draw_trajectories(
+        path, scenario, log, ["goal"] * scenario.vessels, [0.1 * steps] * scenario.vessels
+    )
+    return imread(path)
+
+
+@pytest.mark.parametrize("name", ["head_on", "passage", "random"])
+def test_every_kind_of_scenario_can_be_drawn(tmp_path: Path, name: str) -> None:
+    picture = drawn(tmp_path, name, 60)
+    assert picture.shape[0] > 500
+    assert len(np.unique(picture.reshape(-1, picture.shape[2]), axis=0)) > 20
+
+
+def test_a_run_that_ended_at_once_can_be_drawn_and_a_longer_one_shows_more(
+    tmp_path: Path,
+) -> None:
+    brief, longer = drawn(tmp_path, "head_on", 1), drawn(tmp_path, "head_on", 120)
+    white = [float(np.mean(picture[..., :3].min(axis=2) > 0.99)) for picture in (brief, longer)]
+    assert white[1] < white[0]
