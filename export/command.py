@@ -27,7 +27,7 @@ from twinscrew.training import runs
 from twinscrew.training.agents.registry import algorithm
 from twinscrew.training.batch_policy import open_policy
 from twinscrew.training.environment import RATE_LIMIT
-from twinscrew.training.train_settings import TrainSettings
+from twinscrew.training.train_settings import TrainSettings, phase_settings
 from twinscrew.training.validate import validate
 
 
@@ -54,7 +54,7 @@ def export(
     console = Console(stderr=True)
     policy, settings, trained = load_run(run_dir, runs.CHECKPOINT if last else runs.BEST, margin)
     deployed = DeployedPolicy(policy, RATE_LIMIT)
-    metadata = describe(settings, f"{run_dir.resolve().name} seed {trained['seed']}")
+    metadata = describe(settings, "/".join(run_dir.resolve().parts[-2:]))
     write_atomically(onnx_bytes(deployed, metadata), out)
     parity = check_parity(deployed, out)
     console.print(
@@ -62,7 +62,9 @@ def export(
         f"{parity.observations} observations, {parity.decision_ms:.3f} ms a decision"
     )
     with console.status(f"{episodes} episodes in each of the six settings"):
-        scored = scores(validate(open_policy(str(out)), episodes, seed), episodes, seed)
+        rough = phase_settings(settings, settings.phases[-1]).rough
+        asked = rough if settings.rough_share > 0.0 else None
+        scored = scores(validate(open_policy(str(out)), episodes, seed, asked), episodes, seed)
     card = write_card(out, metadata, trained, parity, scored)
     for row in scored["settings"]:
         console.print(

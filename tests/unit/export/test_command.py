@@ -41,12 +41,12 @@ def file(run_dir, tmp_path_factory):
     return out
 
 
-def test_the_runtime_accepts_the_file(file):
+def test_the_runtime_accepts_the_file(file, run_dir):
     policy = OnnxPolicy(file)
     assert policy.name == "ac_iqn"
     assert policy.period_s == 0.5
     assert policy.metadata.radius_margin == 1.2
-    assert policy.metadata.training_run == "seed_7 seed 7"
+    assert policy.metadata.training_run == f"{run_dir.parent.name}/seed_7"
 
 
 def test_the_file_decides_as_the_agent(file, run_dir):
