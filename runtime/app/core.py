@@ -89,7 +89,9 @@ class Core:
         except Exception as error:  # must stop the boat, not the loop
             self.pipeline.reset()
             detail = f"{topic}: {type(error).__name__}: {error}"
-            return Outcome(events=(INTERNAL_ERROR.at(self._latest_ns, detail),))
+            # The sensor lives, if its message got as far as to set the time.
+            event = INTERNAL_ERROR.at(self._latest_ns, detail)
+            return Outcome(stamp_ns=self._latest_ns, events=(event,))
 
     def _engage(self, engagement: Engagement) -> Outcome:
         self._engaged = engagement.engaged

@@ -44,7 +44,9 @@ ODOMETRY_JUMP = _error(
 ODOMETRY_MISSING = _warning(
     "odometry_missing", "A scan came without odometry near its time: it is not used."
 )
-CLOCK_BACK = _error("clock_back", "The inputs' time went back: all is forgotten, neutral thrust.")
+CLOCK_BACK = _error(
+    "clock_back", "The inputs' time went back: all is forgotten, thrust starts from zero."
+)
 OUT_OF_ORDER = _warning("out_of_order", "A message older than the last one is dropped.")
 BAD_MESSAGE = _warning("bad_message", "Bytes that are not the message they should be: dropped.")
 POLICY_ERROR = _error("policy_error", "The policy failed or answered nonsense: neutral thrust.")

@@ -218,9 +218,9 @@ def test_a_fault_of_our_own_stops_the_boat_and_not_the_loop(failure) -> None:
     boat = under_way()
     boat.policy.failure = failure
     boat.sail(2.0)
-    assert "internal_error" in boat.names
     assert not boat.moves
     assert boat.controller.state is State.SAFE
+    assert set(boat.names) == {"internal_error", "active -> safe"}
     detail = next(event.detail for _, event in boat.events if event.name == "internal_error")
     assert str(failure) in detail
     boat.policy.failure = None
