@@ -5,11 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 
+from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotFleet, ArduPilotSettings
+from twinscrew.hil_sim.drivers.fleet import Fleet
 from twinscrew.hil_sim.drivers.lockstep import LockstepCrew
 from twinscrew.hil_sim.drivers.realtime import RealtimeCrew
-from twinscrew.hil_sim.drivers.voyage import Voyage, VoyageResult
+from twinscrew.hil_sim.drivers.voyage import DOCK_LIMIT_S, Voyage, VoyageResult
 from twinscrew.hil_sim.figures import draw_trajectories
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.supervisor import Result
@@ -25,6 +28,19 @@ from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.settings import Settings
 
 Progress = Callable[[float, tuple[Result, ...]], None]
+Tell = Callable[[str], None]
+ARDUPILOT_DOCK_LIMIT_S = 180.0
+"""[s] A real autopilot calibrates, finds its position and settles before it lets itself be armed
+(about 20 s, measured), and the last of several may be started late."""
+
+
+class AutopilotKind(Enum):
+    """Whose autopilots."""
+
+    TWINSCREW = "twinscrew"
+    """Our simulated ones."""
+    ARDUPILOT = "ardupilot"
+    """A real ArduRover a vessel, whose physics the simulator is."""
 
 
 class SitlSettings(Settings, frozen=True):
@@ -34,6 +50,10 @@ class SitlSettings(Settings, frozen=True):
     policy: str = "ac_iqn"
     seed: int = 0
     lockstep: bool = False
+    autopilot: AutopilotKind = AutopilotKind.TWINSCREW
+    ardupilot: ArduPilotSettings = ArduPilotSettings()
+    write_params: bool = False
+    """Whether the runtimes write the autopilots' parameters that are not what they must be."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,16 +91,20 @@ def sail(
     settings: SitlSettings,
     folder: Path | None = None,
     progress: Progress | None = None,
+    tell: Tell = print,
 ) -> SitlReport:
     """Sail a scenario to its end, and leave recordings and figure in a folder.
 
-    Without a folder nothing is kept; real time needs one, for the runtimes' files.
+    Without a folder nothing is kept; real time needs one, for the runtimes' files. `tell` takes
+    what the user has to do, if anything.
 
     Raises
     ------
     TwinscrewError
         Something cannot be used, or a runtime failed: nothing is hidden in the outcome.
     """
+    if settings.lockstep and settings.autopilot is AutopilotKind.ARDUPILOT:
+        raise ConfigError("ArduPilot runs in real time only: without --lockstep", key="autopilot")
     world = make_world(scenario, sensor=settings.sensor, seed=settings.seed)
     folders = [folder / name for name in scenario.names] if folder else []
     configs = [
@@ -93,7 +117,7 @@ def sail(
     elif folder is None:
         raise ConfigError("real time needs a folder for the runtimes' files", key="out")
     else:
-        result, runs = _sail_in_real_time(world, configs, folders, settings, progress)
+        result, runs = _sail_in_real_time(world, configs, folders, settings, progress, tell)
     wall_s = time.monotonic() - begin_s
     report = SitlReport(
         success=result.success,
@@ -137,10 +161,18 @@ def _sail_in_real_time(
     folders: list[Path],
     settings: SitlSettings,
     progress: Progress | None,
+    tell: Tell,
 ) -> tuple[VoyageResult, list[_Run]]:
-    with RealtimeCrew(configs, folders) as crew:
+    fleet = _fleet(world, folders, settings, tell)
+    with RealtimeCrew(configs, folders, fleet) as crew:
         result = _voyage(world, crew, settings, progress).run()
     return result, [_read_run(folder) for folder in folders]
+
+
+def _fleet(world: World, folders: list[Path], settings: SitlSettings, tell: Tell) -> Fleet | None:
+    if settings.autopilot is AutopilotKind.TWINSCREW:
+        return None
+    return ArduPilotFleet(world, folders, settings.ardupilot, tell)
 
 
 def _voyage(
@@ -150,7 +182,9 @@ def _voyage(
     progress: Progress | None,
 ) -> Voyage:
     scan_s = 1.0 / load_sensor(settings.sensor).rate_hz
-    return Voyage(world, crew, scan_s=scan_s, progress=progress)
+    ours = settings.autopilot is AutopilotKind.TWINSCREW
+    dock_s = DOCK_LIMIT_S if ours else ARDUPILOT_DOCK_LIMIT_S
+    return Voyage(world, crew, scan_s=scan_s, dock_limit_s=dock_s, progress=progress)
 
 
 def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: str) -> RuntimeConfig:
@@ -160,7 +194,12 @@ def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: str)
         sensor=settings.sensor,
         policy=str(policy.resolve()) if policy.is_file() else settings.policy,
         mission=MissionSettings(goal_radius_m=scenario.goal_radius),
-        autopilot=AutopilotSettings(system_id=index + 1, arm=True, receiver_fitted=False),
+        autopilot=AutopilotSettings(
+            system_id=index + 1,
+            arm=True,
+            receiver_fitted=False,
+            write_parameters=settings.write_params,
+        ),
         recording=RecordingSettings(folder=folder),
     )
 

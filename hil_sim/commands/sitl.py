@@ -8,13 +8,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
-from msgspec import structs
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
+from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotSettings
 from twinscrew.hil_sim.scenario import Scenario, load_scenario
-from twinscrew.hil_sim.sitl import SitlReport, SitlSettings, sail
+from twinscrew.hil_sim.sitl import AutopilotKind, SitlReport, SitlSettings, sail
 from twinscrew.hil_sim.summary import as_dict, as_table, write_summary
 from twinscrew.hil_sim.supervisor import Result
 from twinscrew.hil_sim.viewer.process import viewer
@@ -48,6 +49,23 @@ def sitl(
     port: Annotated[
         int, typer.Option(help="With --view: port of the page; 0: any.", min=0, max=65535)
     ] = 8077,
+    autopilot: Annotated[
+        AutopilotKind, typer.Option(help="Our simulated autopilots, or real ArduRovers.")
+    ] = AutopilotKind.TWINSCREW,
+    ardupilot_binary: Annotated[
+        Path | None,
+        typer.Option(
+            help="ArduRover's simulator, started once a vessel. Without it you start them.",
+            exists=True,
+            dir_okay=False,
+        ),
+    ] = None,
+    ardupilot_instance: Annotated[
+        int, typer.Option(help="Instance number of the first vessel's ArduPilot.", min=0, max=200)
+    ] = 0,
+    write_params: Annotated[
+        bool, typer.Option("--write-params", help="Write autopilot parameters that are wrong.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Sail simulated vessels with the real runtime, sensors to thrust.
@@ -57,7 +75,16 @@ def sitl(
     made = _with_limit(load_scenario(scenario, vessels, buoys, seed), max_time)
     folder = _new_folder(out)
     write_scene(folder, made)
-    settings = SitlSettings(policy=policy, seed=seed, lockstep=lockstep)
+    settings = SitlSettings(
+        policy=policy,
+        seed=seed,
+        lockstep=lockstep,
+        autopilot=autopilot,
+        ardupilot=ArduPilotSettings(
+            binary=str(ardupilot_binary or ""), first_instance=ardupilot_instance
+        ),
+        write_params=write_params,
+    )
     console = Console(stderr=True)
     if not as_json:
         pace = "in step" if lockstep else "in real time"
@@ -67,7 +94,7 @@ def sitl(
             shown = stack.enter_context(viewer("run", folder, port))
             console.print(f"live view: [bold]{shown.url}[/bold]")
         report = _sail(made, settings, folder, console, quiet=as_json)
-    setup = {"scenario": made.name, **structs.asdict(settings)}
+    setup = {"scenario": made.name, **msgspec.to_builtins(settings)}
     write_summary(folder / "summary.json", report, setup)
     _tell(report, folder, as_json=as_json)
     if view and lockstep:
@@ -100,10 +127,13 @@ def _new_folder(out: Path | None) -> Path:
 def _sail(
     scenario: Scenario, settings: SitlSettings, folder: Path, console: Console, *, quiet: bool
 ) -> SitlReport:
+    def tell(words: str) -> None:
+        console.print(words, markup=False, highlight=False, soft_wrap=True)
+
     if quiet:
-        return sail(scenario, settings, folder)
+        return sail(scenario, settings, folder, tell=tell)
     if not console.is_terminal:
-        return sail(scenario, settings, folder, _Lines(console))
+        return sail(scenario, settings, folder, _Lines(console), tell)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"))
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("at the dock", total=scenario.time_limit_s, state="")
@@ -113,7 +143,7 @@ def _sail(
                 task, completed=time_s, description=f"{time_s:5.1f} s", state=_states(results)
             )
 
-        return sail(scenario, settings, folder, progress)
+        return sail(scenario, settings, folder, progress, tell)
 
 
 class _Lines:

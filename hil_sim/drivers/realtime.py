@@ -1,7 +1,8 @@
-"""Real time: a process for each vessel's runtime, joined by Zenoh and by MAVLink over UDP."""
+"""Real time: a process for each vessel's runtime, joined by Zenoh and by MAVLink."""
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import subprocess
 import sys
@@ -11,42 +12,35 @@ from types import TracebackType
 from typing import Any, Self
 
 import msgspec
-import numpy as np
 import tomli_w
 
-from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
-from twinscrew.hil_sim.autopilot.rover import Mode
-from twinscrew.hil_sim.autopilot.udp import AutopilotOnTheNet
+from twinscrew.hil_sim.drivers.fleet import LOOPBACK, Fleet, SimulatedFleet
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.session import INPUTS
+from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
-from twinscrew.runtime.errors import LinkError
-from twinscrew.runtime.link.sockets import UdpTransport
+from twinscrew.runtime.errors import LinkError, MessageError
+from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Odometry
 
-LOOPBACK = "127.0.0.1"
 START_LIMIT_S = 20.0
 """[s] How long the runtimes may take to listen."""
 STOP_LIMIT_S = 5.0
 """[s] How long they may take to stop."""
 SETTLE_S = 0.5
-"""[s] An autopilot is ready when it has been armed this long."""
+"""[s] A vessel is ready when its runtime could drive this long."""
 LOG_TAIL = 400
 """[characters] Of a dead runtime's last words to repeat."""
 
 
 class RealtimeCrew:
-    """All vessels' runtimes as processes, and their autopilots; a context."""
+    """All vessels' runtimes as processes; a context."""
 
     exchange_s = 0.01
 
     def __init__(
-        self,
-        configs: list[RuntimeConfig],
-        folders: list[Path],
-        *,
-        autopilot: RoverAutopilotSettings | None = None,
+        self, configs: list[RuntimeConfig], folders: list[Path], fleet: Fleet | None = None
     ) -> None:
         """Prepare the crew.
 
@@ -56,12 +50,14 @@ class RealtimeCrew:
             The runtimes' configurations; their connections are filled in here.
         folders
             Where each vessel's configuration and log are written.
+        fleet
+            The vessels' autopilots, closed with the crew; ours if none are given.
         """
         self._configs = configs
         self._folders = folders
-        self._autopilot = autopilot or RoverAutopilotSettings()
+        self._fleet = fleet or SimulatedFleet([config.autopilot.system_id for config in configs])
         self._processes: list[subprocess.Popen[bytes]] = []
-        self._pilots: list[AutopilotOnTheNet] = []
+        self._engaged = [False] * len(configs)
         self._ready_since: dict[int, float] = {}
         self._now_s = 0.0
         self._begin_s: float | None = None
@@ -74,8 +70,8 @@ class RealtimeCrew:
         bus = ZenohBus(ZenohSettings(listen=(endpoint,), connect=()), names[0])
         self._buses = [bus.within(name) for name in names]
         try:
-            for config, folder in zip(self._configs, self._folders, strict=True):
-                self._start(config, folder, endpoint)
+            for vessel in range(len(self._configs)):
+                self._start(vessel, endpoint)
             self._wait_for_runtimes()
         except BaseException:
             self.close()
@@ -97,9 +93,8 @@ class RealtimeCrew:
     def exchange(self, vessel: int, now_s: float, odometry: Odometry) -> None:
         """See `Crew`."""
         self._now_s = now_s
-        self._pilots[vessel].step(now_s, odometry)
-        rover = self._pilots[vessel].autopilot.rover
-        if rover.armed and rover.mode is Mode.MANUAL:
+        self._fleet.exchange(vessel, now_s, odometry)
+        if self._engaged[vessel]:
             self._ready_since.setdefault(vessel, now_s)
         else:
             self._ready_since.pop(vessel, None)
@@ -111,7 +106,7 @@ class RealtimeCrew:
 
     def thrust_N(self) -> Float64:
         """See `Crew`."""
-        return np.array([pilot.autopilot.thrust_command_N() for pilot in self._pilots])
+        return self._fleet.thrust_N()
 
     def retire(self, vessel: int) -> None:
         """Let the runtime run on: its inputs have stopped, and it must cope with that."""
@@ -121,14 +116,13 @@ class RealtimeCrew:
         clock_s = time.monotonic()
         if self._begin_s is None:
             self._begin_s = clock_s - now_s
-        ahead_s = self._begin_s + now_s - clock_s
-        if ahead_s > 0:
-            time.sleep(ahead_s)
-        else:
-            self.late_s = max(self.late_s, -ahead_s)
+        due_s = self._begin_s + now_s
+        self.late_s = max(self.late_s, clock_s - due_s)
+        self._fleet.wait(due_s)
 
     def check(self) -> None:
         """See `Crew`."""
+        self._fleet.check()
         for config, folder, process in zip(
             self._configs, self._folders, self._processes, strict=True
         ):
@@ -153,18 +147,20 @@ class RealtimeCrew:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-        for pilot in self._pilots:
-            pilot.close()
+        self._fleet.close()
         self._buses[0].close()
 
-    def _start(self, config: RuntimeConfig, folder: Path, endpoint: str) -> None:
-        transport = UdpTransport(LOOPBACK, 0, listens=True)
-        pilot = RoverAutopilot(self._autopilot, config.autopilot.system_id)
-        self._pilots.append(AutopilotOnTheNet(pilot, transport))
-        connection = f"udpout:{LOOPBACK}:{transport.port}"
+    def _start(self, vessel: int, endpoint: str) -> None:
+        config, folder = self._configs[vessel], self._folders[vessel]
+        self._buses[vessel].subscribe("engagement", lambda message: self._note(vessel, message))
+        autopilot = msgspec.structs.replace(
+            config.autopilot,
+            connection=self._fleet.connection(vessel),
+            wait_s=self._fleet.patience_s,
+        )
         complete = msgspec.structs.replace(
             config,
-            autopilot=msgspec.structs.replace(config.autopilot, connection=connection),
+            autopilot=autopilot,
             bus=msgspec.structs.replace(config.bus, connect=(endpoint,)),
         )
         folder.mkdir(parents=True, exist_ok=True)
@@ -176,13 +172,19 @@ class RealtimeCrew:
 
     def _wait_for_runtimes(self) -> None:
         for config, bus in zip(self._configs, self._buses, strict=True):
-            deadline_s = time.monotonic() + START_LIMIT_S
+            limit_s = START_LIMIT_S + self._fleet.patience_s
+            deadline_s = time.monotonic() + limit_s
             while not bus.wait_for_subscribers(INPUTS, 0.2):
                 self.check()
                 if time.monotonic() > deadline_s:
                     raise LinkError(
-                        f"the runtime of {config.name} does not listen after {START_LIMIT_S:g} s"
+                        f"the runtime of {config.name} does not listen after {limit_s:g} s"
                     )
+
+    def _note(self, vessel: int, message: Received) -> None:
+        """Take word, in Zenoh's thread, that a runtime drives or does not."""
+        with contextlib.suppress(MessageError):
+            self._engaged[vessel] = cdr.decode_engagement(message.payload).engaged
 
 
 def _without_none(values: dict[str, Any]) -> dict[str, Any]:

@@ -23,6 +23,8 @@ from twinscrew.runtime.messages.types import Float64, Goal, Odometry
 
 ODOMETRY_S = 0.05
 """[s] 20 Hz (parameters.md, Sensors)."""
+DOCK_LIMIT_S = 20.0
+"""[s] How long to wait for the autopilots."""
 
 
 class Crew(Protocol):
@@ -77,7 +79,7 @@ class Voyage:
         crew: Crew,
         *,
         scan_s: float,
-        dock_limit_s: float = 20.0,
+        dock_limit_s: float = DOCK_LIMIT_S,
         supervisor: SupervisorSettings | None = None,
         progress: Callable[[float, tuple[Result, ...]], None] | None = None,
     ) -> None:

@@ -80,7 +80,7 @@ class Loop:
         self._controller.from_autopilot(self._receive(), now_s)
         engagement, events = self._controller.supervise(now_s)
         if engagement is not None:
-            self._outlet.record("engagement", engagement)
+            self._outlet.engaged(engagement)
             self._controller.take_in("engagement", engagement, now_s)
         self._send(self._controller.command(now_s))
         self._outlet.happened(events)

@@ -61,6 +61,10 @@ class Outlet:
         if transforms is not None:
             self._recorder.record("transforms", transforms, self._clock_ns())
 
+    def engaged(self, payload: bytes) -> None:
+        """Tell that the right to drive changed; it is a core input too, so tell it first."""
+        self._tell("engagement", payload)
+
     def decided(self, decision: Decision, thrust: Float64) -> None:
         """Tell a decision, what it was made of, and the thrust."""
         payload = cdr.encode_decision(decision)

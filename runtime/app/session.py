@@ -18,7 +18,7 @@ from twinscrew.runtime.app.transforms import Frames
 from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import ConfigError, RecordingError
-from twinscrew.runtime.link.transport import open_transport
+from twinscrew.runtime.link.transport import await_transport
 from twinscrew.runtime.policy.base import Policy
 
 INPUTS = ("points", "odometry", "goal")
@@ -109,7 +109,7 @@ class Session:
 
     def _open(self) -> None:
         config = self._config
-        transport = open_transport(config.autopilot.connection)
+        transport = await_transport(config.autopilot.connection, config.autopilot.wait_s)
         self._stack.callback(transport.close)
         controller = make_controller(config)
         controller.core.pipeline.warm_up()

@@ -20,6 +20,8 @@ class AutopilotSettings(Settings, frozen=True):
 
     connection: str = "udpin:127.0.0.1:14550"
     """udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD."""
+    wait_s: NonNegative = 0.0
+    """[s] How long to wait at the start for a TCP server or a device that is not there yet."""
     system_id: Id = 1
     """[-] The vehicle's MAVLink system id, which we share; SYSID_MYGCS must be the same."""
     component_id: Id = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER

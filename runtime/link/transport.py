@@ -7,15 +7,19 @@ never split: what one `send` is given goes out as one datagram.
 
 from __future__ import annotations
 
+import time
+
 from twinscrew.runtime.errors import LinkError, one_of
 from twinscrew.runtime.link.carrier import Transport
 from twinscrew.runtime.link.serial_line import SerialTransport
 from twinscrew.runtime.link.sockets import TcpTransport, UdpTransport
 
-__all__ = ["TcpTransport", "Transport", "UdpTransport", "open_transport"]
+__all__ = ["TcpTransport", "Transport", "UdpTransport", "await_transport", "open_transport"]
 
 DEFAULT_BAUD = 921_600
 """[baud] What ArduPilot's documentation advises for companion computers."""
+RETRY_S = 0.2
+"""[s] Between two tries to open a connection."""
 _LAST_PORT = 65_535
 KINDS = ("udpin:HOST:PORT", "udpout:HOST:PORT", "tcp:HOST:PORT", "serial:DEVICE:BAUD")
 
@@ -43,6 +47,24 @@ def open_transport(connection: str) -> Transport:
     except (OSError, UnicodeError) as error:
         raise LinkError(f"{connection}: {getattr(error, 'strerror', None) or error}") from error
     raise LinkError(f"connection {one_of(connection, KINDS)}")
+
+
+def await_transport(connection: str, wait_s: float) -> Transport:
+    """Open a connection, and try again for a while if nobody is there yet.
+
+    Raises
+    ------
+    LinkError
+        As `open_transport`, when the time is over.
+    """
+    until_s = time.monotonic() + wait_s
+    while True:
+        try:
+            return open_transport(connection)
+        except LinkError as error:
+            if not isinstance(error.__cause__, OSError) or time.monotonic() >= until_s:
+                raise
+        time.sleep(RETRY_S)
 
 
 def _host_port(connection: str, rest: str) -> tuple[str, int]:

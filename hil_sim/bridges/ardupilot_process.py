@@ -1,0 +1,109 @@
+"""ArduRover's simulator as a process: its parameters, its command line, its ports."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+from twinscrew.hil_sim.autopilot.parameters import SHIPPED
+from twinscrew.hil_sim.autopilot.telemetry import Origin
+from twinscrew.runtime.errors import ConfigError, LinkError
+from twinscrew.runtime.link.parm import read_parm
+
+HOST = "127.0.0.1"
+INSTANCE_PORTS = 10
+"""[-] ArduPilot's simulator adds this times its instance number to all of its ports."""
+PHYSICS_PORT = 9002
+"""UDP port of the physics, instance 0."""
+MAVLINK_PORT = 5760
+"""TCP port of its first serial port, instance 0; it waits there for a connection at start-up."""
+PARAMETERS_FILE = "ardurover.parm"
+LOG_FILE = "ardurover.txt"
+LOG_TAIL = 400
+"""[characters] Of a dead simulator's last words to repeat."""
+STOP_LIMIT_S = 5.0
+"""[s] How long it may take to stop."""
+
+
+@dataclass(frozen=True, slots=True)
+class Instance:
+    """One ArduPilot simulator among several on a machine."""
+
+    number: int
+    system_id: int
+    folder: Path
+    """Where its parameters, its memory (eeprom.bin) and its logs are."""
+
+    @property
+    def physics_port(self) -> int:
+        """UDP port where the physics listens."""
+        return PHYSICS_PORT + INSTANCE_PORTS * self.number
+
+    @property
+    def connection(self) -> str:
+        """Where its MAVLink is."""
+        return f"tcp:{HOST}:{MAVLINK_PORT + INSTANCE_PORTS * self.number}"
+
+    def command(self, binary: str, origin: Origin | None = None) -> list[str]:
+        """Give the words that start it, in its folder."""
+        place = origin or Origin()
+        home = f"{place.latitude_deg},{place.longitude_deg},{place.altitude_m},0"
+        words = ["--model", f"JSON:{HOST}", "--instance", str(self.number), "--speedup", "1"]
+        return [binary, *words, "--wipe", "--home", home, "--defaults", PARAMETERS_FILE]
+
+    def command_line(self, binary: str) -> str:
+        """Give what a user types in a shell."""
+        return f"cd {shlex.quote(str(self.folder.resolve()))} && {shlex.join(self.command(binary))}"
+
+    def write_parameters(self) -> None:
+        """Write its parameters into its folder: the shipped ones, with its own system id.
+
+        Firmware 4.7 has new names for the two ids; each version passes over the other's names.
+        """
+        own = float(self.system_id)
+        ids = dict.fromkeys(("SYSID_THISMAV", "SYSID_MYGCS", "MAV_SYSID", "MAV_GCS_SYSID"), own)
+        values = {**read_parm(SHIPPED), **ids}
+        self.folder.mkdir(parents=True, exist_ok=True)
+        lines = [f"{name} {value:g}\n" for name, value in values.items()]
+        (self.folder / PARAMETERS_FILE).write_text("".join(lines))
+
+
+class Process:
+    """A running ArduPilot simulator that we started."""
+
+    def __init__(self, instance: Instance, binary: Path) -> None:
+        """Start it.
+
+        Raises
+        ------
+        ConfigError
+            The binary cannot be started.
+        """
+        self._log = instance.folder / LOG_FILE
+        self._name = f"instance {instance.number}"
+        command = instance.command(str(binary.resolve()))
+        try:
+            with self._log.open("wb") as log:
+                self._process = subprocess.Popen(
+                    command, cwd=instance.folder, stdin=subprocess.DEVNULL, stdout=log, stderr=log
+                )
+        except OSError as error:
+            raise ConfigError(f"cannot be started: {error.strerror}", file=binary) from error
+
+    def check(self) -> None:
+        """Raise a `LinkError`, with its last words, if it has ended."""
+        status = self._process.poll()
+        if status is not None:
+            words = self._log.read_text(errors="replace")[-LOG_TAIL:].strip()
+            raise LinkError(f"ArduPilot's {self._name} ended with status {status}: {words}")
+
+    def close(self) -> None:
+        """Stop it, and wait for it."""
+        self._process.terminate()
+        try:
+            self._process.wait(STOP_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()

@@ -1,0 +1,80 @@
+"""The autopilots of all vessels, as the real-time driver sees them: ours, or real ones."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+import numpy as np
+
+from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
+from twinscrew.hil_sim.autopilot.udp import AutopilotOnTheNet
+from twinscrew.runtime.link.sockets import UdpTransport
+from twinscrew.runtime.messages.types import Float64, Odometry
+
+LOOPBACK = "127.0.0.1"
+
+
+class Fleet(Protocol):
+    """One autopilot a vessel, all on their own feet: they speak MAVLink with the runtimes."""
+
+    patience_s: float
+    """[s] How much longer than usual the runtimes may wait for them at the start."""
+
+    def connection(self, vessel: int) -> str:
+        """Give the connection string of a vessel's autopilot, for its runtime."""
+
+    def exchange(self, vessel: int, now_s: float, odometry: Odometry) -> None:
+        """Let an autopilot take in what came and send what is due."""
+
+    def thrust_N(self) -> Float64:
+        """Give what the autopilots ask of the propellers, (V, 2) [N]."""
+
+    def wait(self, until_s: float) -> None:
+        """Pass the time until the clock, `time.monotonic`, says `until_s` [s]."""
+
+    def check(self) -> None:
+        """Raise a `LinkError` if an autopilot has died."""
+
+    def close(self) -> None:
+        """Stop them all."""
+
+
+class SimulatedFleet:
+    """Our simulated autopilots in this process, each on a UDP port of its own."""
+
+    patience_s = 0.0
+
+    def __init__(
+        self, system_ids: list[int], settings: RoverAutopilotSettings | None = None
+    ) -> None:
+        settings = settings or RoverAutopilotSettings()
+        self._transports = [UdpTransport(LOOPBACK, 0, listens=True) for _ in system_ids]
+        self._pilots = [
+            AutopilotOnTheNet(RoverAutopilot(settings, system_id), transport)
+            for system_id, transport in zip(system_ids, self._transports, strict=True)
+        ]
+
+    def connection(self, vessel: int) -> str:
+        """See `Fleet`."""
+        return f"udpout:{LOOPBACK}:{self._transports[vessel].port}"
+
+    def exchange(self, vessel: int, now_s: float, odometry: Odometry) -> None:
+        """See `Fleet`."""
+        self._pilots[vessel].step(now_s, odometry)
+
+    def thrust_N(self) -> Float64:
+        """See `Fleet`."""
+        return np.array([pilot.autopilot.thrust_command_N() for pilot in self._pilots])
+
+    def wait(self, until_s: float) -> None:
+        """See `Fleet`."""
+        time.sleep(max(0.0, until_s - time.monotonic()))
+
+    def check(self) -> None:
+        """Nothing can have died but this process."""
+
+    def close(self) -> None:
+        """See `Fleet`."""
+        for pilot in self._pilots:
+            pilot.close()
