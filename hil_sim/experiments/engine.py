@@ -22,8 +22,12 @@ Engine = Literal["local", "ray"]
 ENGINES = ("local", "ray")
 DEATHS = 3
 """[-] Workers may die so often in a row, with no episode finished, before we give up."""
+CHUNK = 8
+"""[-] Episodes a job that Ray is given at once: what a crash of ours can cost there."""
 T = TypeVar("T")
 R = TypeVar("R")
+Way = tuple[AbstractContextManager[Any], Callable[..., Iterator[Any]], type[Exception]]
+"""How an engine works: its context, its results one by one, and what a dead worker raises."""
 
 
 def check_engine(engine: str) -> Engine:
@@ -46,14 +50,15 @@ def in_parallel(
         Workers keep dying.
     """
     waiting, deaths = deque(tasks), 0
-    with _backend(engine):
+    backend, results, death = _ray() if engine == "ray" else _local()
+    with backend:
         while waiting:
             try:
-                for result in _results(function, tuple(waiting), jobs):
+                for result in results(function, tuple(waiting), jobs):
                     yield result
                     waiting.popleft()
                     deaths = 0
-            except TerminatedWorkerError as error:
+            except death as error:
                 deaths += 1
                 if deaths > DEATHS:
                     raise TwinscrewError(
@@ -62,19 +67,28 @@ def in_parallel(
                     ) from error
 
 
-def _results(function: Callable[[T], R], tasks: tuple[T, ...], jobs: int) -> Iterator[R]:
+def _one_by_one(function: Callable[[T], R], tasks: tuple[T, ...], jobs: int) -> Iterator[R]:
     parallel = Parallel(n_jobs=jobs, return_as="generator", batch_size=1, pre_dispatch="2*n_jobs")
     results: Iterator[R] = parallel(delayed(function)(task) for task in tasks)
     return results
 
 
-def _backend(engine: Engine) -> AbstractContextManager[Any]:
-    if engine == "local":
-        return nullcontext()
+def _by_chunks(function: Callable[[T], R], tasks: tuple[T, ...], jobs: int) -> Iterator[R]:
+    """Work as `_one_by_one`, for a backend that only gives whole lists."""
+    size = CHUNK * jobs
+    for begin in range(0, len(tasks), size):
+        chunk = tasks[begin : begin + size]
+        yield from Parallel(n_jobs=jobs, batch_size=1)(delayed(function)(task) for task in chunk)
+
+
+def _local() -> Way:
+    return nullcontext(), _one_by_one, TerminatedWorkerError
+
+
+def _ray() -> Way:
     ray: Any = importlib.import_module("ray")
     ray_joblib: Any = importlib.import_module("ray.util.joblib")
     if not ray.is_initialized():
         ray.init(log_to_driver=False)  # joins the cluster that RAY_ADDRESS names, if it does
     ray_joblib.register_ray()
-    config: AbstractContextManager[Any] = parallel_config(backend="ray")
-    return config
+    return parallel_config(backend="ray"), _by_chunks, ray.exceptions.RayActorError
