@@ -1,0 +1,72 @@
+"""docs/safety.md is true: its events are the code's, and its tests exist."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from twinscrew.runtime.app.health import State
+from twinscrew.runtime.link import events as link_events
+from twinscrew.runtime.safety import events
+from twinscrew.runtime.safety.events import EventKind
+
+ROOT = Path(__file__).parents[3]
+DOC = (ROOT / "docs" / "safety.md").read_text()
+CONTROLLER = "tests/unit/app/test_controller.py"
+
+
+def section(title: str) -> str:
+    return DOC.split(f"## {title}\n")[1].split("\n## ")[0]
+
+
+def rows(title: str) -> list[list[str]]:
+    lines = [line for line in section(title).splitlines() if line.startswith("| ")]
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    return [row for row in cells[1:] if not set(row[0]) <= {"-"}]
+
+
+def kinds() -> dict[str, EventKind]:
+    found = [
+        value
+        for module in (events, link_events)
+        for value in vars(module).values()
+        if isinstance(value, EventKind)
+    ]
+    return {kind.name: kind for kind in found}
+
+
+def named_tests() -> set[tuple[str, str]]:
+    found = set(re.findall(r"`(tests/\S+?\.py)::(test_\w+)`", DOC))
+    return found | {(CONTROLLER, name) for name in re.findall(r"`(test_\w+)`", DOC)}
+
+
+def test_every_event_of_the_code_is_in_the_table_and_no_other() -> None:
+    documented = {row[0].strip("`"): row[1] for row in rows("Events")}
+    assert documented == {name: kind.severity.value for name, kind in kinds().items()}
+
+
+def test_an_events_name_is_its_constants_and_its_meaning_a_sentence() -> None:
+    for module in (events, link_events):
+        for constant, kind in vars(module).items():
+            if isinstance(kind, EventKind):
+                assert kind.name == constant.lower()
+                assert kind.meaning.endswith(".")
+
+
+def test_every_state_is_in_the_table_and_no_other() -> None:
+    assert [row[0].strip("`") for row in rows("States")] == [state.value for state in State]
+
+
+@pytest.mark.parametrize(("file", "name"), sorted(named_tests()))
+def test_every_test_that_the_document_names_exists(file: str, name: str) -> None:
+    assert f"def {name}(" in (ROOT / file).read_text()
+
+
+def test_every_bad_input_names_its_test() -> None:
+    assert all(re.search(r"::test_\w+`", row[-1]) for row in rows("Bad inputs"))
+
+
+def test_events_in_running_text_are_events() -> None:
+    words = set(re.findall(r"`([a-z]+_[a-z_]+)`", DOC))
+    own = {name for _, name in named_tests()} | {"max_message_mb"}
+    assert words - own <= set(kinds())
