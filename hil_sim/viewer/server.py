@@ -14,7 +14,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
 from typing import Final
 
-from aiohttp import WSMsgType, web
+from aiohttp import WSCloseCode, WSMsgType, web
 
 from twinscrew.hil_sim.viewer.greeting import greeting
 from twinscrew.hil_sim.viewer.live import LiveSource
@@ -45,6 +45,7 @@ class Server:
 
     def __init__(self, source: Source) -> None:
         self._source = source
+        self._pages: set[web.WebSocketResponse] = set()
 
     def app(self) -> web.Application:
         """Give the application to serve."""
@@ -57,6 +58,7 @@ class Server:
             ]
         )
         app.cleanup_ctx.append(self._keep_following)
+        app.on_shutdown.append(self._say_goodbye)
         return app
 
     async def _index(self, _: web.Request) -> web.FileResponse:
@@ -68,6 +70,7 @@ class Server:
         )
         await page.prepare(request)
         await page.send_str(encode_greeting(greeting(self._source)))
+        self._pages.add(page)
         player = Player(self._source)
         sender = asyncio.create_task(_send(page, player))
         try:
@@ -78,10 +81,15 @@ class Server:
                     break
                 player.ask(wish)
         finally:
+            self._pages.discard(page)
             sender.cancel()
             with contextlib.suppress(asyncio.CancelledError, ConnectionError):
                 await sender
         return page
+
+    async def _say_goodbye(self, _: web.Application) -> None:
+        for page in tuple(self._pages):
+            await page.close(code=WSCloseCode.GOING_AWAY)
 
     async def _keep_following(self, _: web.Application) -> AsyncIterator[None]:
         if not isinstance(self._source, LiveSource):

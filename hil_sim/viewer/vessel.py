@@ -112,8 +112,9 @@ class Vessel:
         self._decision = decision
         self._decisions = decision.sequence + 1
         since_s = self._sent_s.pop(decision.stamp_ns, None)
-        if since_s is not None and sent_s > since_s:  # in lock-step no time passes
-            self._latency_ms = round(1e3 * (sent_s - since_s), 2)
+        latency_ms = 0.0 if since_s is None else round(1e3 * (sent_s - since_s), 2)
+        if latency_ms > 0.0:  # none passes in lock-step, or on a clock that is not the sensor's
+            self._latency_ms = latency_ms
         if decision.observation is None:
             return
         if self._state == "unknown":  # the policy is asked only while it drives

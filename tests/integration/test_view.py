@@ -1,0 +1,257 @@
+"""The live view's page in a real browser: headless Chromium, as Debian packages it."""
+
+import json
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import pytest
+
+from twinscrew.hil_sim.scenario import load_scenario
+from twinscrew.hil_sim.sitl import SitlSettings, sail
+from twinscrew.hil_sim.viewer.scene import write_scene
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="no Chromium: apt-get install chromium (Debian), or put one on PATH"
+)
+PATIENCE_S = 30.0
+"""[s] After this long without what is waited for, the test has failed; nothing is timed."""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("run")
+    scenario = replace(load_scenario("crossing"), time_limit_s=8.0)
+    sail(scenario, SitlSettings(lockstep=True), folder)
+    write_scene(folder, scenario)
+    return folder
+
+
+class Viewer:
+    """`twinscrew view` in a process of its own."""
+
+    def __init__(self, *arguments, port=0):
+        command = [sys.executable, "-m", "twinscrew.runtime.app", "view", *arguments]
+        self.process = subprocess.Popen(
+            [*command, "--port", str(port)], stdout=subprocess.PIPE, text=True
+        )
+        self.url = self.process.stdout.readline().strip()
+        assert self.url, "the viewer did not start"
+        self.port = int(self.url.rpartition(":")[2])
+
+    def stop(self):
+        self.process.terminate()
+        assert self.process.wait(PATIENCE_S) == 0
+        self.process.stdout.close()
+
+
+@pytest.fixture(scope="module")
+def viewer(run):
+    viewer = Viewer("--replay", str(run))
+    yield viewer
+    viewer.stop()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture
+def page(browser):
+    page = browser.new_page(viewport={"width": 1000, "height": 700}, color_scheme="light")
+    page.complaints, page.visited = [], []
+    page.on("console", lambda said: page.complaints.append(said.text))
+    page.on("pageerror", lambda error: page.complaints.append(str(error)))
+    page.on("request", lambda request: page.visited.append(request.url))
+    yield page
+    page.close()
+
+
+def until(condition):
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline_s, "waited in vain"
+        time.sleep(0.05)
+
+
+def told(page, name):
+    return page.evaluate(f"document.body.dataset.{name} ?? ''")
+
+
+def frames(page):
+    return int(told(page, "frames") or 0)
+
+
+def visit(page, viewer):
+    page.goto(viewer.url)
+    until(lambda: frames(page) >= 3)
+
+
+def colours(page, left=0.0, top=0.0, right=1.0, bottom=1.0):
+    """Count the pixels of each colour in a part of the chart, in shares of its size."""
+    counted = page.evaluate(
+        """([left, top, right, bottom]) => {
+            const chart = document.getElementById("chart");
+            const [x, y] = [left * chart.width, top * chart.height].map(Math.floor);
+            const [w, h] = [(right - left) * chart.width, (bottom - top) * chart.height];
+            const { data } = chart.getContext("2d").getImageData(x, y, Math.ceil(w), Math.ceil(h));
+            const counts = {};
+            for (let i = 0; i < data.length; i += 4) {
+                const key = [data[i], data[i + 1], data[i + 2]].join();
+                counts[key] = (counts[key] ?? 0) + 1;
+            }
+            return JSON.stringify(counts);
+        }""",
+        [left, top, right, bottom],
+    )
+    return {tuple(map(int, key.split(","))): count for key, count in json.loads(counted).items()}
+
+
+def style_colour(page, name):
+    digits = page.evaluate(
+        f"getComputedStyle(document.documentElement).getPropertyValue('--{name}').trim()"
+    )
+    return tuple(bytes.fromhex(digits.removeprefix("#")))
+
+
+MIDDLE = (0.44, 0.44, 0.56, 0.56)
+
+
+def test_it_connects_and_draws_both_vessels_on_the_water(page, viewer):
+    visit(page, viewer)
+    assert told(page, "connection") == "open"
+    counted = colours(page)
+    assert counted[style_colour(page, "water")] > sum(counted.values()) / 2
+    for vessel in ("v0", "v1"):
+        assert counted.get(style_colour(page, vessel), 0) > 50, f"{vessel} is not on the chart"
+    assert page.locator(".card").count() == 2
+    assert "m/s" in page.locator(".card .speed").first.inner_text()
+
+
+def test_it_needs_nothing_but_its_own_server_and_complains_of_nothing(page, viewer):
+    visit(page, viewer)
+    page.keyboard.press("1")
+    page.keyboard.press("?")
+    page.keyboard.press("Escape")
+    foreign = [url for url in page.visited if not url.startswith(viewer.url)]
+    assert foreign == []
+    assert page.complaints == []
+
+
+def test_it_keeps_the_followed_vessel_in_the_middle(page, viewer):
+    visit(page, viewer)
+    page.keyboard.press("2")
+    assert told(page, "following") == "wamv2"
+    for _ in range(5):
+        page.keyboard.press("+")
+    for seconds in (1.0, 6.0):
+        seek(page, seconds)
+        until(lambda: colours(page, *MIDDLE).get(style_colour(page, "v1"), 0) > 50)
+    page.locator("#chart").focus()
+    page.keyboard.press("ArrowLeft")
+    assert told(page, "following") == "", "who moves the chart looks elsewhere"
+
+
+def seek(page, seconds):
+    page.locator("#slider").fill(str(seconds))
+    until(lambda: abs(float(told(page, "time")) - seconds) < 1.0)
+
+
+def test_the_slider_goes_back_and_on(page, viewer):
+    visit(page, viewer)
+    page.keyboard.press("Space")
+    until(lambda: page.locator("#play").inner_text() == "Play")
+    for seconds in (5.0, 2.0, 7.0):
+        page.locator("#slider").fill(str(seconds))
+        until(lambda wanted=seconds: float(told(page, "time")) == wanted)
+
+
+def test_in_a_pause_time_stands_still_and_goes_on_from_there(page, viewer):
+    visit(page, viewer)
+    page.keyboard.press("Space")
+    until(lambda: page.locator("#play").inner_text() == "Play")
+    paused = told(page, "time"), frames(page)
+    page.wait_for_timeout(500)
+    assert (told(page, "time"), frames(page)) == paused
+    page.keyboard.press("Space")
+    until(lambda: frames(page) > paused[1] + 2)
+    assert float(told(page, "time")) >= float(paused[0])
+
+
+def test_layers_can_be_hidden(page, viewer):
+    visit(page, viewer)
+    page.keyboard.press("Space")
+    until(lambda: page.locator("#play").inner_text() == "Play")
+    seek(page, 6.0)
+    with_all = colours(page)
+    for box in page.locator("#layers input").all():
+        box.uncheck()
+    page.wait_for_timeout(200)
+    bare = colours(page)
+    water = style_colour(page, "water")
+    assert bare[water] > with_all[water]
+    assert bare.get(style_colour(page, "v0"), 0) > 50, "vessels are no layer"
+
+
+def test_it_can_be_used_without_a_mouse(page, viewer):
+    visit(page, viewer)
+    page.locator("#chart").focus()
+    reached = []
+    for _ in range(40):
+        page.keyboard.press("Tab")
+        reached.append(
+            page.evaluate("document.activeElement.id || document.activeElement.className")
+        )
+        if reached[-1] == "follow":
+            break
+    assert reached[-1] == "follow", reached
+    page.keyboard.press("Enter")
+    assert told(page, "following") == "wamv1"
+
+
+def test_it_turns_dark_with_the_system(page, viewer):
+    visit(page, viewer)
+    light = style_colour(page, "water")
+    page.emulate_media(color_scheme="dark")
+    until(lambda: style_colour(page, "water") != light)
+    dark = style_colour(page, "water")
+    until(lambda: colours(page).get(dark, 0) > colours(page).get(light, 0))
+
+
+def test_it_survives_a_restart_of_its_server(page, run):
+    viewer = Viewer("--replay", str(run))
+    visit(page, viewer)
+    viewer.stop()
+    until(lambda: told(page, "connection") == "lost")
+    assert page.locator("#notice").is_visible()
+    again = Viewer("--replay", str(run), port=viewer.port)
+    try:
+        seen = frames(page)
+        until(lambda: told(page, "connection") == "open" and frames(page) > seen + 2)
+        assert not page.locator("#notice").is_visible()
+        assert page.locator(".card").count() == 2
+    finally:
+        again.stop()
+
+
+def test_a_port_in_use_is_refused_in_one_line(run):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        command = [sys.executable, "-m", "twinscrew.runtime.app", "view", "--replay", str(run)]
+        refused = subprocess.run(
+            [*command, "--port", str(port)], capture_output=True, text=True, timeout=PATIENCE_S
+        )
+    assert refused.returncode == 2
+    assert refused.stderr.strip().splitlines()[-1].startswith("twinscrew: error: --port: port")

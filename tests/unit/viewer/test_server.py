@@ -1,0 +1,173 @@
+"""The page's server: what it answers, whom it refuses, and that it never piles frames up."""
+
+import asyncio
+import json
+import struct
+from contextlib import asynccontextmanager
+
+import pytest
+from aiohttp import WSServerHandshakeError
+from aiohttp.test_utils import TestClient, TestServer
+
+from twinscrew.hil_sim.viewer.recorded import RecordedSource
+from twinscrew.hil_sim.viewer.server import HOST, PAGE, PERIOD_S, Server, listen
+from twinscrew.runtime.errors import ConfigError
+
+
+@pytest.fixture(scope="module")
+def source(run):
+    return RecordedSource(run)
+
+
+@asynccontextmanager
+async def served(source):
+    async with TestClient(TestServer(Server(source).app(), host=HOST)) as client:
+        yield client
+
+
+def with_client(source, visit):
+    async def run_it():
+        async with served(source) as client:
+            return await visit(client)
+
+    return asyncio.run(run_it())
+
+
+def head(frame):
+    (size,) = struct.unpack_from("<I", frame)
+    return json.loads(frame[4 : 4 + size])
+
+
+@pytest.mark.parametrize("file", sorted(path.name for path in PAGE.iterdir()))
+def test_the_page_and_all_it_needs_are_served(source, file):
+    async def visit(client):
+        answer = await client.get(f"/{file}")
+        assert answer.status == 200
+        assert await answer.read() == (PAGE / file).read_bytes()
+        assert "default-src 'self'" in answer.headers["Content-Security-Policy"]
+
+    with_client(source, visit)
+
+
+def test_the_page_needs_nothing_from_elsewhere():
+    for path in PAGE.iterdir():
+        text = path.read_text().replace("http://www.w3.org/2000/svg", "")
+        assert "http://" not in text, path
+        assert "https://" not in text, path
+
+
+@pytest.mark.parametrize("path", ["/../server.py", "/%2e%2e/server.py", "/nothing.js"])
+def test_nothing_but_the_page_is_served(source, path):
+    async def visit(client):
+        assert (await client.get(path)).status in {403, 404}
+
+    with_client(source, visit)
+
+
+def test_a_visitor_is_greeted_and_then_gets_frames(source):
+    async def visit(client):
+        async with client.ws_connect("/frames") as page:
+            greeting = json.loads(await page.receive_str())
+            assert greeting["names"] == ["wamv1", "wamv2"]
+            assert greeting["mode"] == "recording"
+            assert greeting["duration_s"] == pytest.approx(source.duration_s, abs=0.01)
+            times = [head(await page.receive_bytes())["time_s"] for _ in range(4)]
+        assert times == sorted(times)
+        assert times[-1] > 0
+
+    with_client(source, visit)
+
+
+def test_seeking_answers_with_that_moment(source):
+    async def visit(client):
+        async with client.ws_connect("/frames") as page:
+            await page.receive_str()
+            await page.send_str('{"playing": false, "seek_s": 4.5}')
+            while (frame := head(await page.receive_bytes()))["playing"]:
+                pass
+            assert frame["time_s"] == 4.5
+
+    with_client(source, visit)
+
+
+def test_two_pages_have_their_own_time(source):
+    async def visit(client):
+        async with client.ws_connect("/frames") as first, client.ws_connect("/frames") as second:
+            await first.receive_str()
+            await second.receive_str()
+            await first.send_str('{"playing": false, "seek_s": 5.0}')
+            while head(await first.receive_bytes())["playing"]:
+                pass
+            assert head(await second.receive_bytes())["time_s"] < 4.0
+
+    with_client(source, visit)
+
+
+def test_what_is_no_request_ends_the_conversation(source):
+    async def visit(client):
+        async with client.ws_connect("/frames") as page:
+            await page.send_str('{"arm": true}')
+            async for _ in page:
+                pass
+            assert page.close_code == 1003
+
+    with_client(source, visit)
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Origin": "http://elsewhere.example"},
+        {"Origin": "null"},
+        {"Host": "elsewhere.example"},
+        {"Host": "127.0.0.1.elsewhere.example:8077"},
+    ],
+)
+def test_other_peoples_pages_are_refused(source, headers):
+    async def visit(client):
+        with pytest.raises(WSServerHandshakeError) as refusal:
+            await client.ws_connect("/frames", headers=headers)
+        assert refusal.value.status == 403
+
+    with_client(source, visit)
+
+
+def test_a_page_that_does_not_read_gets_its_frames_made_no_faster_than_it_takes_them(source):
+    made = []
+
+    class Counted:
+        mode, names, scene = "live", source.names, source.scene
+        duration_s = 0.0
+
+        def now_s(self):
+            return 0.0
+
+        def trails(self):
+            return {}
+
+        def parts(self, time_s):
+            made.append(time_s)
+            return [part.__class__(part.head, bytes(4_000_000)) for part in source.parts(3.0)]
+
+    async def visit(client):
+        async with client.ws_connect("/frames", max_msg_size=0) as page:
+            await page.receive_str()
+            await asyncio.sleep(10 * PERIOD_S)  # 8 MB frames, and nobody reads
+            stuck = len(made)
+            await asyncio.sleep(10 * PERIOD_S)
+            assert len(made) <= stuck + 1
+            await page.receive_bytes()  # the line goes on once somebody does
+
+    with_client(Counted(), visit)
+
+
+def test_a_port_in_use_is_refused_in_words():
+    with listen(0) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(ConfigError, match=f"--port: port {port} is in use"):
+            listen(port)
+
+
+def test_only_this_machine_is_listened_to():
+    with listen(0) as taken:
+        assert taken.getsockname()[0] == "127.0.0.1"

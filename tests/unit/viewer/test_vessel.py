@@ -1,0 +1,213 @@
+"""A vessel's view, from its messages."""
+
+import json
+
+import numpy as np
+import pytest
+
+from twinscrew.hil_sim.viewer.vessel import EVENTS, FRESH_S, SHOWN, Vessel
+from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.topics import TOPICS
+from twinscrew.runtime.messages.types import (
+    Decision,
+    Goal,
+    HealthEvent,
+    Objects,
+    Observation,
+    Odometry,
+    PointCloud,
+    Severity,
+    Tracks,
+)
+from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.policy.colregs import Situation
+from twinscrew.runtime.safety.events import LIDAR_STALE, STATE
+
+NORTH_EAST = np.array([10.0, 20.0])
+S = 1_000_000_000
+
+
+def odometry(heading=np.pi / 2, surge=2.0):
+    return cdr.encode_odometry(
+        Odometry(
+            stamp_ns=S,
+            position_N=np.array([*NORTH_EAST, 0.3]),
+            q_NB=quaternion_from_euler(0.0, 0.0, heading),
+            velocity_B=np.array([surge, 0.0, 0.0]),
+            rates_B=np.zeros(3),
+        )
+    )
+
+
+def tracks(p_N, v_N):
+    count = len(p_N)
+    return Tracks(
+        stamp_ns=S,
+        id=np.arange(count),
+        p_N=np.array(p_N, float).reshape(-1, 2),
+        v_N=np.array(v_N, float).reshape(-1, 2),
+        radius=np.full(count, 1.5),
+        covariance=np.zeros((count, 4, 4)),
+        age_s=np.zeros(count),
+    )
+
+
+def decision(goal_B=None, objects_B=(), p_N=(), v_N=(), stamp_ns=S, arrived=False):
+    observation = None
+    if goal_B is not None:
+        observation = Observation(
+            ego=np.array([*goal_B, 0, 0, 0, 0, 0], np.float32),
+            objects=np.zeros((5, 5), np.float32),
+            mask=np.zeros(5, np.float32),
+        )
+    return cdr.encode_decision(
+        Decision(
+            stamp_ns=stamp_ns,
+            sequence=41,
+            acted=observation is not None,
+            thrust_rate=np.zeros(2),
+            thrust=np.zeros(2),
+            observation=observation,
+            objects=Objects(
+                stamp_ns=S,
+                p_B=np.array(objects_B, float).reshape(-1, 2),
+                radius=np.full(len(objects_B), 0.7),
+                points=np.full(len(objects_B), 30),
+            ),
+            tracks=tracks(p_N, v_N),
+            arrived=arrived,
+        )
+    )
+
+
+def scan(stamp_ns=S):
+    points = np.array([[4.0, 0.0, 0.0], [5.0, 1.0, 0.0]], np.float32)
+    return cdr.encode_point_cloud(PointCloud(stamp_ns=stamp_ns, frame_id="l", points_S=points))
+
+
+@pytest.fixture
+def vessel():
+    return Vessel("wamv1", load_sensor("vrx32"))
+
+
+def view(vessel, now_s=0.0):
+    return json.loads(vessel.part(now_s).head)
+
+
+def test_before_anything_came_only_the_name_is_known(vessel):
+    assert view(vessel)["name"] == "wamv1"
+    assert view(vessel)["pose"] is None
+    assert view(vessel)["silent_s"] is None
+
+
+def test_place_heading_and_velocity_are_in_frame_n(vessel):
+    vessel.take("odometry", odometry(heading=np.pi / 2, surge=2.0), 0.0)
+    assert view(vessel)["pose"] == pytest.approx([10.0, 20.0, np.pi / 2], abs=1e-3)
+    assert view(vessel)["velocity"] == pytest.approx([0.0, 2.0], abs=0.01)
+
+
+def test_the_goal_is_where_the_topic_says_or_else_where_the_policy_was_told_it_is(vessel):
+    vessel.take("odometry", odometry(heading=np.pi / 2), 0.0)
+    vessel.take("decision", decision(goal_B=(7.0, 3.0)), 0.0)
+    assert view(vessel)["goal"] == pytest.approx([10.0 - 3.0, 20.0 + 7.0], abs=0.02)
+    goal = Goal(stamp_ns=S, position_N=np.array([1.0, 2.0]))
+    vessel.take("goal", cdr.encode_goal(goal), 0.0)
+    assert view(vessel)["goal"] == [1.0, 2.0]
+
+
+def test_objects_are_turned_from_the_vessels_frame_into_n(vessel):
+    vessel.take("odometry", odometry(heading=np.pi / 2), 0.0)
+    vessel.take("decision", decision(objects_B=[(5.0, 2.0)]), 0.0)
+    assert view(vessel)["objects"] == [pytest.approx([10.0 - 2.0, 20.0 + 5.0, 0.7], abs=0.01)]
+
+
+def test_a_track_says_what_colregs_ask(vessel):
+    vessel.take("odometry", odometry(heading=0.0), 0.0)
+    towards = [(20.0, 20.0), (18.0, 28.0), (60.0, 20.0)]
+    moving = [(-2.0, 0.0), (0.0, -2.0), (-2.0, 0.0)]
+    vessel.take("decision", decision(p_N=towards, v_N=moving), 0.0)
+    asked = [track[-1] for track in view(vessel)["tracks"]]
+    assert asked == [Situation.HEAD_ON, Situation.GIVE_WAY, Situation.NONE]
+
+
+def test_latency_is_from_a_scan_to_the_decision_on_it(vessel):
+    vessel.take("odometry", odometry(), 0.0)
+    vessel.take("points", scan(1 * S), 0.0, sent_s=5.0)
+    vessel.take("points", scan(2 * S), 0.1, sent_s=5.1)
+    vessel.take("decision", decision(stamp_ns=1 * S), 0.1, sent_s=5.0625)
+    assert view(vessel)["latency_ms"] == 62.5
+    vessel.take("decision", decision(stamp_ns=3 * S), 0.1, sent_s=9.0)
+    assert view(vessel)["latency_ms"] == 62.5, "a decision on an unknown scan tells none"
+
+
+def test_scans_whose_decisions_never_come_are_forgotten(vessel):
+    for count in range(1000):
+        vessel.take("points", scan(count), 0.0)
+    assert len(vessel._sent_s) < 20
+
+
+def test_what_is_old_is_not_shown_as_present(vessel):
+    vessel.take("odometry", odometry(), 0.0)
+    vessel.take("points", scan(), 0.0)
+    vessel.take("thrust_left", cdr.encode_thrust(100.0), 0.0)
+    vessel.take("decision", decision(objects_B=[(5.0, 2.0)], p_N=[(1, 1)], v_N=[(0, 0)]), 0.0)
+    fresh = view(vessel, 0.9 * FRESH_S)
+    old = view(vessel, 1.1 * FRESH_S)
+    assert fresh["points"] == 2
+    assert fresh["thrust"] == [100.0, 0.0]
+    assert len(fresh["objects"]) == len(fresh["tracks"]) == 1
+    assert (old["points"], old["thrust"], old["objects"], old["tracks"]) == (0, None, [], [])
+    assert old["silent_s"] == pytest.approx(1.1 * FRESH_S, abs=0.01)
+    assert old["pose"] is not None, "where it was last is still worth knowing"
+
+
+def events(*happened):
+    return cdr.encode_diagnostics(happened, stamp_ns=S)
+
+
+def test_the_state_is_the_one_that_the_boat_told(vessel):
+    vessel.take("odometry", odometry(), 0.0)
+    vessel.take("diagnostics", events(STATE.at(S, "ready -> active"), LIDAR_STALE.at(S)), 1.0)
+    vessel.take("diagnostics", events(STATE.at(S, "active -> safe")), 2.0)
+    shown = view(vessel)
+    assert shown["state"] == "safe"
+    assert shown["events"][1] == [1.0, "lidar_stale", "error", ""]
+
+
+def test_a_viewer_that_came_late_knows_that_a_boat_whose_policy_is_asked_is_active(vessel):
+    vessel.take("odometry", odometry(), 0.0)
+    assert view(vessel)["state"] == "unknown"
+    vessel.take("decision", decision(), 0.0)
+    assert view(vessel)["state"] == "unknown"
+    vessel.take("decision", decision(goal_B=(1.0, 1.0)), 0.0)
+    assert view(vessel)["state"] == "active"
+
+
+def test_only_the_last_events_are_kept(vessel):
+    for count in range(100):
+        event = HealthEvent(stamp_ns=S, name=f"e{count}", severity=Severity.INFO)
+        vessel.take("diagnostics", events(event), float(count))
+    assert len(view(vessel)["events"]) == EVENTS
+    assert view(vessel)["events"][-1][1] == "e99"
+
+
+@pytest.mark.parametrize("topic", SHOWN)
+@pytest.mark.parametrize("payload", [b"", b"\0\1\0\0", b"\xff" * 64])
+def test_bytes_that_are_no_message_are_counted_and_change_nothing(vessel, topic, payload):
+    vessel.take("odometry", odometry(), 0.0)
+    before = view(vessel)
+    vessel.take(topic, payload, 0.5)
+    assert vessel.refused == 1
+    assert view(vessel) == before
+
+
+def test_a_cloud_whose_body_is_damaged_is_refused_when_it_would_be_drawn(vessel):
+    vessel.take("odometry", odometry(), 0.0)
+    vessel.take("points", scan()[:-10], 0.0)
+    assert view(vessel)["points"] == 0
+    assert vessel.refused == 1
+
+
+def test_every_shown_topic_exists():
+    assert set(SHOWN) <= set(TOPICS)
