@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 
+from twinscrew.hil_sim.experiments.sets import load_sets
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.shapes import load_shape
@@ -26,7 +27,10 @@ READERS = {
     "vessels/wam_v_3dof.toml": lambda path: load(path, VesselParameters),
     "vessels/*": load_vessel,
     "experiments/settings.toml": lambda path: six_settings(),
-    "experiments/*": lambda path: load_policy(path.stem),
+    "experiments/training_vessel.toml": load_vessel,
+    "experiments/apf.toml": lambda path: load_policy("apf"),
+    "experiments/mpc.toml": lambda path: load_policy("mpc"),
+    "experiments/*": load_sets,
 }
 """Who reads what; the first that fits."""
 
@@ -64,7 +68,7 @@ def test_a_file_says_only_what_differs(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('nmae = "boat7"', ["nmae", "unknown key", "name, sensor, policy"]),
+        ('nmae = "boat7"', ["nmae", "unknown key", "name, sensor"]),
         ("[mission]\ngoal_radius_m = 0", ["mission.goal_radius_m", "> 0", "got 0"]),
         ("[mission]\nwaypoint_m = []", ["mission.waypoint_m", "unknown key", "waypoints_m"]),
         ("[tracking]\nspeed = 1", ["tracking.speed", "unknown key"]),
