@@ -48,6 +48,8 @@ class AssuranceSettings(Settings, frozen=True):
     """Whether commands are checked."""
     horizon_s: Positive = 4.0
     """[s] How far ahead: stopping from full ahead takes 2.5 s, the propellers' turning included."""
+    moving_horizon_s: Positive = 1.5
+    """[s] The same for what moves: later than that it, too, may have turned or stopped."""
     step_s: Positive = 0.1
     """[s] Time step of the prediction."""
     wait_s: NonNegative = 0.3
@@ -160,7 +162,7 @@ class Assurance:
             odometry,
             tracks,
             reach_m=self._reach_m,
-            horizon_s=settings.horizon_s,
+            horizon_s=(settings.horizon_s, min(settings.moving_horizon_s, settings.horizon_s)),
             least_radius_m=settings.least_radius_m,
             static_mps=settings.static_mps,
         )

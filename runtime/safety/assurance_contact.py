@@ -22,6 +22,8 @@ class Circles:
     """[m/s] (K, 2) Over ground."""
     radius: Float64
     """[m] (K,)"""
+    horizon_s: Float64
+    """[s] (K,) Until when it can be foretold."""
 
 
 class Contact(NamedTuple):
@@ -47,7 +49,7 @@ def surroundings(
     tracks: Tracks,
     *,
     reach_m: float,
-    horizon_s: float,
+    horizon_s: tuple[float, float],
     least_radius_m: float,
     static_mps: float,
 ) -> Circles:
@@ -57,8 +59,8 @@ def surroundings(
     ----------
     reach_m : float
         How far the edge of the vessel, with its margin, can get within the horizon [m].
-    horizon_s : float
-        [s]
+    horizon_s : (float, float)
+        Until when what stands still, and what moves, can be foretold [s].
     least_radius_m : float
         No object is taken to be smaller [m].
     static_mps : float
@@ -69,13 +71,15 @@ def surroundings(
     offset_N = tracks.p_N - odometry.position_N[:2]
     radius = np.maximum(tracks.radius, least_radius_m)
     gap = np.hypot(offset_N[:, 0], offset_N[:, 1]) - radius - reach_m
-    near = np.flatnonzero(gap < speed * horizon_s)
+    horizon = np.where(speed > 0.0, horizon_s[1], horizon_s[0])
+    near = np.flatnonzero(gap < speed * horizon)
     R_NB = rotation_2d(odometry.heading)
     return Circles(
         id=tuple(tracks.id[near].tolist()),
         p_B=offset_N[near] @ R_NB,
         v_B=np.where(speed[near, None] > 0.0, tracks.v_N[near], 0.0) @ R_NB,
         radius=radius[near],
+        horizon_s=horizon[near],
     )
 
 
@@ -92,7 +96,7 @@ def worst_contact(
 
     Nearer than the margin, closing in is allowed at `approach_per_s` times the gap that is left, so
     that a vessel may pass along an edge, or lie beside it, but not run into it. What comes later
-    counts less, down to nothing at the horizon: until then there is time to decide again.
+    counts less, down to nothing at the track's horizon: until then there is time to decide again.
 
     Parameters
     ----------
@@ -109,17 +113,17 @@ def worst_contact(
         return NO_CONTACT
     closing = (gap[:-1] - gap[1:]) / dt
     allowed = approach_per_s * np.maximum(gap[1:], 0.0)
-    too_fast = np.where(gap[1:] < margin_m, closing - allowed, 0.0)
-    if not (too_fast > 0.0).any():
+    weight = 1.0 - dt * np.arange(1, steps + 1)[:, None, None] / (circles.horizon_s + dt)
+    harm = np.where(gap[1:] < margin_m, (closing - allowed) * np.maximum(weight, 0.0), 0.0)
+    harmful = (harm > 0.0).any(axis=(1, 2))
+    if not harmful.any():
         return NO_CONTACT
-    weight = 1.0 - np.arange(1, steps + 1) / (steps + 1)
-    harm = float((too_fast.max(axis=(1, 2)) * weight).max())
-    first = int(np.argmax((too_fast > 0.0).any(axis=(1, 2))))
-    _, k = divmod(int(np.argmax(too_fast[first])), len(circles.id))
+    first = int(np.argmax(harmful))
+    _, k = divmod(int(np.argmax(harm[first])), len(circles.id))
     x, y, heading = path[first + 1]
     there = circles.p_B[k] + (first + 1) * dt * circles.v_B[k] - (x, y)
     return Contact(
-        harm=harm,
+        harm=float(harm.max()),
         time_s=(first + 1) * dt,
         speed_mps=float(closing[first, :, k].max()),
         track=circles.id[k],

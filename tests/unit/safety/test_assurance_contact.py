@@ -19,7 +19,7 @@ def straight(speed: float, steps: int = 40) -> np.ndarray:
     return np.column_stack([x, np.zeros((steps + 1, 2))])
 
 
-def circles(*rows: tuple[float, float, float, float, float]) -> Circles:
+def circles(*rows: tuple[float, float, float, float, float], horizon_s: float = 4.0) -> Circles:
     """x, y, vx, vy, radius of each."""
     table = np.array(rows, dtype=np.float64).reshape(-1, 5)
     return Circles(
@@ -27,6 +27,7 @@ def circles(*rows: tuple[float, float, float, float, float]) -> Circles:
         p_B=table[:, :2].copy(),
         v_B=table[:, 2:4].copy(),
         radius=table[:, 4],
+        horizon_s=np.full(len(table), horizon_s),
     )
 
 
@@ -60,6 +61,12 @@ def test_a_contact_that_comes_later_or_softer_does_less_harm():
     farther = circles((9.8, 0.0, 0.0, 0.0, 1.0))
     assert contact(straight(2.0), buoy).harm > contact(straight(2.0), farther).harm > 0.0
     assert contact(straight(3.0), buoy).harm > contact(straight(2.0), buoy).harm
+
+
+def test_a_contact_beyond_the_tracks_horizon_is_none():
+    soon = circles((8.8, 0.0, -1.0, 0.0, 1.0), horizon_s=1.5)
+    assert contact(straight(2.0), soon) is NO_CONTACT
+    assert contact(straight(3.0), soon).harm > 0.0
 
 
 def test_passing_outside_the_margin_is_no_contact():
@@ -131,7 +138,7 @@ def around(heading: float, seen: Tracks) -> Circles:
         odometry(heading),
         seen,
         reach_m=15.0,
-        horizon_s=4.0,
+        horizon_s=(4.0, 1.5),
         least_radius_m=0.8,
         static_mps=0.4,
     )
@@ -147,7 +154,7 @@ def test_tracks_are_turned_into_the_vessels_frame():
 
 def test_what_cannot_be_met_within_the_horizon_is_left_out():
     p_N = [[10.0, 37.0], [10.0, 37.0], [10.0, 35.0]]
-    v_N = [[0.0, 0.0], [0.0, -1.0], [0.0, 0.0]]
+    v_N = [[0.0, 0.0], [0.0, -1.0], [0.0, 0.0]]  # 1 m too far, of which one comes 1.5 m nearer
     assert around(0.0, tracks(p_N, v_N, [1.0] * 3)).id == (4, 5)
 
 
