@@ -8,7 +8,7 @@ true positions and velocities, and lasts until the two were nearest. In it a ves
 - and in both: if the two did not touch.
 
 Where it did not, the question is whether that was safer. The answer compares how near it came to
-anything at all with how near it would have come by the rules: it turns to the compliant course
+anything at all with how near it would have come by the rules: it keeps to the compliant course
 (`colregs.compliant_course`) at its speed; the other does the same in a head-on encounter, and
 stands on (course and speed) in a crossing; everybody else moves as they really did.
 """
@@ -21,17 +21,13 @@ from typing import Literal
 import numpy as np
 
 from twinscrew.hil_sim.experiments.manoeuvres import (
-    compliant_track,
     crossed_ahead,
     passed_to_port,
+    rule_tracks,
     runs,
 )
 from twinscrew.runtime.messages.types import Float64
-from twinscrew.runtime.policy.colregs import (
-    Situation,
-    compliant_course,
-    situation,
-)
+from twinscrew.runtime.policy.colregs import Situation, situation
 from twinscrew.runtime.settings import Count, Positive, Settings
 
 Kind = Literal["head_on", "give_way"]
@@ -182,15 +178,16 @@ def _by_the_rules(
     settings: EncounterSettings,
 ) -> Float64:
     """Give where all would have been, (n, V, 2) [m] N, had the two gone by the rules."""
-    elapsed = course.times[begin:end] - course.times[begin]
     tracks = course.p_N[begin:end].copy()
-    for vessel, met in ((ego, other), (other, ego)):
-        p, v = course.p_N[begin], course.v_N[begin, vessel]
-        stands_on = vessel == other and kind == "give_way"
-        to = float(np.arctan2(v[1], v[0]))
-        if not stands_on:
-            to = float(compliant_course(p[met] - p[vessel], np.array(course.radius), course.radius))
-        tracks[:, vessel] = compliant_track(p[vessel], v, to, settings.turn_rate_radps, elapsed)
+    two = [ego, other]
+    tracks[:, two] = rule_tracks(
+        course.p_N[begin, two],
+        course.v_N[begin, two],
+        (True, kind == "head_on"),
+        course.radius,
+        settings.turn_rate_radps,
+        course.times[begin:end],
+    )
     return tracks
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twinscrew.runtime.messages.types import Float64
-from twinscrew.runtime.policy.colregs import Situation
+from twinscrew.runtime.policy.colregs import Situation, compliant_course
 
 SLOWEST_MPS = 0.5
 """[m/s] Slower, a velocity says little of a course (paper, sec. IV)."""
@@ -42,35 +42,45 @@ def crossed_ahead(p_ego_N: Float64, p_other_N: Float64, v_other_N: Float64) -> b
     return bool((crossing & (ahead[1:] > 0.0)).any())
 
 
-def compliant_track(
-    p_N: Float64, v_N: Float64, course: float, turn_rate_radps: float, elapsed: Float64
+def rule_tracks(
+    p_N: Float64,
+    v_N: Float64,
+    acts: tuple[bool, bool],
+    radius: float,
+    turn_rate_radps: float,
+    times: Float64,
 ) -> Float64:
-    """Give where a vessel would be that turns to starboard on to a course, at its speed.
+    """Give where two vessels would be that go by the rules, each at its speed.
 
     Parameters
     ----------
-    p_N, v_N : (2,) float64
-        Position [m] and velocity [m/s] at the beginning.
-    course : float
-        [rad] The course to turn to; if it lies to port the vessel keeps its own.
+    p_N, v_N : (2, 2) float64
+        Positions [m] and velocities [m/s] at the beginning, a row a vessel.
+    acts : (bool, bool)
+        Who turns to starboard whenever its course falls short of `colregs.compliant_course`; the
+        other stands on, with its course and speed.
+    radius : float
+        [m] Of either vessel.
     turn_rate_radps : float
-        [rad/s]
-    elapsed : (n,) float64
-        [s] Times since the beginning, rising from 0.
+        [rad/s] How fast a vessel turns.
+    times : (n,) float64
+        [s] Rising.
 
     Returns
     -------
-    track : (n, 2) float64
-        [m] N. Velocities are held over each interval at their middle.
+    tracks : (n, 2, 2) float64
+        [m] N.
     """
-    first = float(np.arctan2(v_N[1], v_N[0]))
-    turn = max(float(np.remainder(course - first + np.pi, 2 * np.pi) - np.pi), 0.0)
-    middle = 0.5 * (elapsed[1:] + elapsed[:-1])
-    angle = first + np.minimum(turn_rate_radps * middle, turn)
-    step = np.hypot(*v_N) * np.diff(elapsed)[:, None]
-    steps = step * np.column_stack([np.cos(angle), np.sin(angle)])
-    track: Float64 = p_N + np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
-    return track
+    speed, course = np.hypot(*v_N.T), np.arctan2(v_N[:, 1], v_N[:, 0])
+    tracks = np.empty((len(times), 2, 2))
+    tracks[0] = p_N
+    for k, dt in enumerate(np.diff(times)):
+        asked = compliant_course(tracks[k, ::-1] - tracks[k], np.full(2, radius), radius)
+        short = np.remainder(asked - course + np.pi, 2 * np.pi) - np.pi
+        course = course + np.where(acts, np.clip(short, 0.0, turn_rate_radps * dt), 0.0)
+        step = speed[:, None] * np.column_stack([np.cos(course), np.sin(course)])
+        tracks[k + 1] = tracks[k] + dt * step
+    return tracks
 
 
 def _courses(v_N: Float64, slowest: float = SLOWEST_MPS) -> Float64:
