@@ -27,13 +27,19 @@ class Replay:
     recorded_decisions: int
     recorded_sha256: str
     """Of the decisions in the recording."""
+    beginning_sha256: str
+    """Of as many replayed decisions as were recorded."""
     whole: bool
     """False if the recording's end is missing: the recorder was killed."""
 
     @property
     def same(self) -> bool:
-        """True if every recorded decision came out again, bit for bit."""
-        return self.sha256 == self.recorded_sha256
+        """True if every recorded decision came out again, bit for bit, and no other.
+
+        Where the recording's end is missing, the decisions on its last inputs may be, too.
+        """
+        again = self.sha256 if self.whole else self.beginning_sha256
+        return again == self.recorded_sha256
 
 
 def replay(
@@ -59,8 +65,13 @@ def replay(
         The configuration or the policy cannot be used.
     """
     core = _core_of(recording, config, policy)
+    recorded = DecisionHash()
+    recorded_count = 0
+    for payload in _recorded_decisions(recording):
+        recorded.add(payload)
+        recorded_count += 1
     again = DecisionHash()
-    count = 0
+    count, beginning = 0, again.hexdigest()
     if not _has_engagement(recording):  # made elsewhere: decide as if the boat were ours
         core.feed("engagement", cdr.encode_engagement(Engagement(stamp_ns=0, engaged=True)))
     for message in recording.inputs():
@@ -68,17 +79,15 @@ def replay(
         if outcome.decision is not None:
             again.add(cdr.encode_decision(outcome.decision))
             count += 1
-    recorded = DecisionHash()
-    recorded_count = 0
-    for payload in _recorded_decisions(recording):
-        recorded.add(payload)
-        recorded_count += 1
+            if count == recorded_count:
+                beginning = again.hexdigest()
     return Replay(
         vessel=recording.vessel,
         decisions=count,
         sha256=again.hexdigest(),
         recorded_decisions=recorded_count,
         recorded_sha256=recorded.hexdigest(),
+        beginning_sha256=beginning,
         whole=recording.whole,
     )
 

@@ -1,0 +1,178 @@
+"""What a recording's core took in, taken in again, gives the same decisions."""
+
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from tests.harness.boat import SECOND, cloud, odometry, stamp
+
+from twinscrew.hil_sim.scenario import load_scenario
+from twinscrew.hil_sim.sitl import SitlSettings, sail
+from twinscrew.runtime.app.assemble import make_core
+from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.mission import MissionSettings
+from twinscrew.runtime.app.outlet import Outlet
+from twinscrew.runtime.app.recorder import Recorder
+from twinscrew.runtime.app.recording import find_recordings
+from twinscrew.runtime.app.replay import Replay, combined_sha256, replay
+from twinscrew.runtime.app.session import metadata_of
+from twinscrew.runtime.errors import ConfigError, RecordingError
+from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.definitions import type_store
+from twinscrew.runtime.messages.topics import TOPICS
+from twinscrew.runtime.messages.types import Engagement, Goal
+from twinscrew.runtime.settings import CONFIG_DIR
+
+BRIEF = replace(load_scenario("passage"), time_limit_s=4.0)
+CONFIG = RuntimeConfig(sensor="vrx16", mission=MissionSettings(waypoints_m=((60.0, 0.0),)))
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    folder = tmp_path_factory.mktemp("replay") / "run"
+    report = sail(BRIEF, SitlSettings(sensor="vrx16", lockstep=True), folder)
+    return folder, report.sha256
+
+
+def only(folder: Path, **options: object) -> Replay:
+    (recording,) = find_recordings(folder)
+    return replay(recording, **options)
+
+
+def good(time_s: float) -> list[tuple[str, bytes]]:
+    return [
+        ("odometry", cdr.encode_odometry(odometry(time_s, north=time_s))),
+        ("points", cdr.encode_point_cloud(cloud(time_s))),
+    ]
+
+
+def engaged(yes: bool) -> tuple[str, bytes]:
+    return "engagement", cdr.encode_engagement(Engagement(stamp_ns=stamp(0), engaged=yes))
+
+
+def rough_afternoon() -> Iterator[tuple[str, bytes]]:
+    """Everything that a core can be told, good and bad, in an order that matters."""
+    generator = np.random.default_rng(4)
+    yield engaged(True)
+    for k in range(120):
+        for topic, payload in good(0.1 * k):
+            yield topic, payload
+            if generator.random() < 0.2:
+                yield topic, payload
+            if generator.random() < 0.2:
+                yield topic, payload[: generator.integers(len(payload))]
+        if k in (30, 50):
+            yield engaged(k == 50)
+        if k == 70:
+            goal = Goal(stamp_ns=stamp(7), position_N=np.array([5.0, -30.0]))
+            yield "goal", cdr.encode_goal(goal)
+        if k == 90:
+            yield "odometry", cdr.encode_odometry(odometry(9.05, north=200.0))
+    for k in range(30):
+        yield from good(-3600 + 0.1 * k)
+
+
+def record(folder: Path, config: RuntimeConfig = CONFIG) -> str:
+    core = make_core(config)
+    metadata = metadata_of(config, core.pipeline.policy)
+    with Recorder(folder, config.name, metadata, lossless=True) as recorder:
+        outlet = Outlet(None, recorder, clock_ns=lambda: 0)
+        for topic, payload in rough_afternoon():
+            outlet.record(topic, payload)
+            outcome = core.feed(topic, payload)
+            if outcome.decision is not None:
+                outlet.decided(outcome.decision, outcome.decision.thrust)
+    assert outlet.decisions > 100
+    return outlet.sha256
+
+
+def test_every_vessel_of_a_run_decides_the_same_again(run: tuple[Path, str]) -> None:
+    folder, sha256 = run
+    replays = [replay(recording) for recording in find_recordings(folder)]
+    assert all(r.same and r.whole for r in replays)
+    assert all(r.decisions == r.recorded_decisions > 20 for r in replays)
+    assert combined_sha256(r.sha256 for r in replays) == sha256
+
+
+def test_replaying_twice_is_replaying_once(run: tuple[Path, str]) -> None:
+    recording, *_ = find_recordings(run[0])
+    assert replay(recording) == replay(recording)
+
+
+def test_damaged_doubled_and_backward_inputs_are_replayed_too(tmp_path: Path) -> None:
+    sha256 = record(tmp_path / "rough")
+    again = only(tmp_path / "rough")
+    assert again.same
+    assert again.sha256 == sha256
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
+def test_a_recording_that_was_cut_off_gives_its_decisions_again(
+    tmp_path: Path, share: float
+) -> None:
+    record(tmp_path / "cut")
+    (file,) = (tmp_path / "cut").glob("*.mcap")
+    content = file.read_bytes()
+    file.write_bytes(content[: int(share * len(content))])
+    again = only(tmp_path / "cut")
+    assert not again.whole
+    assert again.same
+    assert 0 < again.recorded_decisions <= again.decisions
+
+
+def test_another_policy_decides_otherwise(run: tuple[Path, str]) -> None:
+    recording, *_ = find_recordings(run[0])
+    again = replay(recording, policy="apf")
+    assert again.decisions == again.recorded_decisions
+    assert not again.same
+
+
+def test_a_policy_file_that_has_changed_since_is_refused(tmp_path: Path) -> None:
+    policy = tmp_path / "policy.onnx"
+    shutil.copy(CONFIG_DIR / "policies" / "ac_iqn.onnx", policy)
+    record(tmp_path / "run", RuntimeConfig(policy=str(policy), sensor="vrx16"))
+    assert only(tmp_path / "run").same
+    model = onnx.load(policy)
+    model.metadata_props.add(key="note", value="changed")
+    onnx.save(model, policy)
+    with pytest.raises(RecordingError, match=r"made with a policy of SHA-256 .* --policy"):
+        only(tmp_path / "run")
+    assert only(tmp_path / "run", policy=str(policy)).same
+
+
+def test_a_bag_of_another_boat_is_decided_on_as_if_it_were_ours(tmp_path: Path) -> None:
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        connections = {
+            name: writer.add_connection(
+                f"/boat/{TOPICS[name].key}", TOPICS[name].ros_type, typestore=type_store()
+            )
+            for name in ("odometry", "points")
+        }
+        for k in range(20):
+            for topic, payload in good(0.1 * k):
+                writer.write(connections[topic], k * SECOND // 10, payload)
+    config = tmp_path / "boat.toml"
+    config.write_text('sensor = "vrx16"\n[mission]\nwaypoints_m = [[60.0, 0.0]]\n')
+    again = only(tmp_path / "bag", config=config)
+    assert (again.decisions, again.recorded_decisions) == (20, 0)
+    still = only(tmp_path / "bag")  # without a goal
+    assert again.sha256 != still.sha256
+
+
+def test_a_recorded_configuration_that_this_version_does_not_know_is_refused(
+    tmp_path: Path,
+) -> None:
+    with Recorder(tmp_path / "old", "wamv", {"config": {"speed": 3}}, lossless=True) as recorder:
+        recorder.record("points", good(0.0)[1][1], 0)
+    with pytest.raises(ConfigError, match="old: speed: unknown key"):
+        only(tmp_path / "old")
+
+
+def test_one_vessels_hash_is_the_runs() -> None:
+    assert combined_sha256(["ab"]) == "ab"
+    assert combined_sha256(["ab", "cd"]) != combined_sha256(["cd", "ab"])
