@@ -51,7 +51,12 @@ def locked(folder: Path) -> Iterator[None]:
         yield
 
 
-def claim(folder: Path, told: Mapping[str, Any], algorithm: str) -> None:
+def claim(
+    folder: Path,
+    told: Mapping[str, Any],
+    algorithm: str,
+    complete: Callable[[dict[str, Any]], dict[str, Any]],
+) -> None:
     """Write what a run is told into its directory, or see that it is what it was told before.
 
     Phases that the run has not come to may be changed, or added: so a finished run can be
@@ -65,6 +70,8 @@ def claim(folder: Path, told: Mapping[str, Any], algorithm: str) -> None:
         Plain values: `seed`, and `settings` with a list of `phases`.
     algorithm
         Of the learner.
+    complete
+        Fills in what settings of an older version do not have yet.
 
     Raises
     ------
@@ -77,6 +84,7 @@ def claim(folder: Path, told: Mapping[str, Any], algorithm: str) -> None:
         saved = checkpoint.exists()
         begun = load_checkpoint(checkpoint, algorithm)["phase"] + 1 if saved else 0
         before, now = json.loads(file.read_text(encoding="utf-8")), json.loads(text)
+        before["settings"] = complete(before["settings"])
         if _up_to(before, begun) != _up_to(now, begun):
             raise ConfigError("holds a run of another configuration or seed", file=folder)
     _replace(file, lambda out: out.write(text.encode()))

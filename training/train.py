@@ -12,6 +12,7 @@ import msgspec
 import torch
 
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.settings import convert
 from twinscrew.training import runs
 from twinscrew.training.agents.base import Metrics
 from twinscrew.training.agents.registry import algorithm, make_agent
@@ -42,7 +43,7 @@ class Training:
     def run(self, progress: Progress) -> None:
         """Train to the end of the last phase, from the run directory's checkpoint if it has one."""
         told = {"seed": self.seed, "settings": msgspec.to_builtins(self.settings)}
-        runs.claim(self.folder, told, algorithm(self.settings.agent))
+        runs.claim(self.folder, told, algorithm(self.settings.agent), complete)
         resumed = (self.folder / runs.CHECKPOINT).exists()
         if resumed:
             self._restore()
@@ -154,6 +155,16 @@ class Training:
         where = content["where"]
         self.step, self.transitions = where["step"], where["transitions"]
         self.seconds = where["seconds"]
+
+
+def complete(settings: dict[str, Any]) -> dict[str, Any]:
+    """Fill in the defaults of settings as plain values; what cannot be read stays as it is."""
+    try:
+        known = convert(settings, TrainSettings)
+    except ConfigError:
+        return settings
+    plain: dict[str, Any] = json.loads(json.dumps(msgspec.to_builtins(known)))
+    return plain
 
 
 def make_replay(settings: TrainSettings) -> ReplayBuffer:

@@ -1,5 +1,6 @@
 """A whole training run, small: gathered, learnt, evaluated, saved, killed, resumed, exported."""
 
+import json
 import signal
 import subprocess
 import sys
@@ -92,6 +93,16 @@ def test_a_finished_run_takes_further_phases_from_where_it_ended(tmp_path):
     second = trained(tmp_path / "run", longer)
     assert second.step == first.step + 20
     assert second.agent.updates > first.agent.updates
+
+
+def test_a_run_of_before_a_setting_existed_goes_on(tmp_path):
+    file = written(tmp_path)
+    first = trained(tmp_path / "run", file)
+    config = tmp_path / "run" / runs.CONFIG
+    told = json.loads(config.read_text())
+    del told["settings"]["priority"]
+    config.write_text(json.dumps(told))
+    assert trained(tmp_path / "run", file).step == first.step
 
 
 def test_a_directory_of_another_configuration_is_refused(tmp_path):
