@@ -43,6 +43,15 @@ class AutopilotKind(Enum):
     """A real ArduRover a vessel, whose physics the simulator is."""
 
 
+class OdometrySource(Enum):
+    """Where the runtimes' odometry comes from."""
+
+    BUS = "bus"
+    """The `odometry` topic: what the simulated sensor measures."""
+    AUTOPILOT = "autopilot"
+    """What the autopilot says of its position, velocity and attitude."""
+
+
 class SitlSettings(Settings, frozen=True):
     """What to sail with."""
 
@@ -52,6 +61,7 @@ class SitlSettings(Settings, frozen=True):
     lockstep: bool = False
     autopilot: AutopilotKind = AutopilotKind.TWINSCREW
     ardupilot: ArduPilotSettings = ArduPilotSettings()
+    odometry: OdometrySource = OdometrySource.BUS
     write_params: bool = False
     """Whether the runtimes write the autopilots' parameters that are not what they must be."""
 
@@ -193,6 +203,7 @@ def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: str)
         name=scenario.names[index],
         sensor=settings.sensor,
         policy=str(policy.resolve()) if policy.is_file() else settings.policy,
+        odometry_source=settings.odometry.value,
         mission=MissionSettings(goal_radius_m=scenario.goal_radius),
         autopilot=AutopilotSettings(
             system_id=index + 1,

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotSettings
 from twinscrew.hil_sim.scenario import Scenario, load_scenario
-from twinscrew.hil_sim.sitl import AutopilotKind, SitlReport, SitlSettings, sail
+from twinscrew.hil_sim.sitl import AutopilotKind, OdometrySource, SitlReport, SitlSettings, sail
 from twinscrew.hil_sim.summary import as_dict, as_table, write_summary
 from twinscrew.hil_sim.supervisor import Result
 from twinscrew.hil_sim.viewer.process import viewer
@@ -63,6 +63,9 @@ def sitl(
     ardupilot_instance: Annotated[
         int, typer.Option(help="Instance number of the first vessel's ArduPilot.", min=0, max=200)
     ] = 0,
+    odometry: Annotated[
+        OdometrySource, typer.Option(help="Where the runtimes take odometry from.")
+    ] = OdometrySource.BUS,
     write_params: Annotated[
         bool, typer.Option("--write-params", help="Write autopilot parameters that are wrong.")
     ] = False,
@@ -83,6 +86,7 @@ def sitl(
         ardupilot=ArduPilotSettings(
             binary=str(ardupilot_binary or ""), first_instance=ardupilot_instance
         ),
+        odometry=odometry,
         write_params=write_params,
     )
     console = Console(stderr=True)

@@ -18,7 +18,7 @@ from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
 from twinscrew.runtime.app.latency import Latencies
 from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.app.recorder import Recorder
-from twinscrew.runtime.app.session import metadata_of
+from twinscrew.runtime.app.session import inputs_of, metadata_of
 from twinscrew.runtime.app.transforms import Frames
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Odometry
 
@@ -46,6 +46,10 @@ class LockstepVessel:
 
     def deliver(self, topic: str, payload: bytes, now_s: float) -> None:
         """Hand a message to the runtime, and what it commands at once to the autopilot."""
+        if topic in inputs_of(self.config):
+            self._feed(topic, payload, now_s)
+
+    def _feed(self, topic: str, payload: bytes, now_s: float) -> None:
         self._now_s = now_s
         begin_ns = time.perf_counter_ns()
         self.outlet.record(topic, payload)
@@ -62,6 +66,8 @@ class LockstepVessel:
         self._now_s = now_s
         controller = self.controller
         controller.from_autopilot(self.autopilot.step(now_s, odometry), now_s)
+        for payload in controller.own_odometry():
+            self._feed("odometry", payload, now_s)
         engagement, events = controller.supervise(now_s)
         if engagement is not None:
             self.outlet.record("engagement", engagement)

@@ -16,7 +16,7 @@ import tomli_w
 
 from twinscrew.hil_sim.drivers.fleet import LOOPBACK, Fleet, SimulatedFleet
 from twinscrew.runtime.app.config import RuntimeConfig
-from twinscrew.runtime.app.session import INPUTS
+from twinscrew.runtime.app.session import inputs_of
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
@@ -174,7 +174,7 @@ class RealtimeCrew:
         for config, bus in zip(self._configs, self._buses, strict=True):
             limit_s = START_LIMIT_S + self._fleet.patience_s
             deadline_s = time.monotonic() + limit_s
-            while not bus.wait_for_subscribers(INPUTS, 0.2):
+            while not bus.wait_for_subscribers(inputs_of(config), 0.2):
                 self.check()
                 if time.monotonic() > deadline_s:
                     raise LinkError(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
+from twinscrew.runtime.app.config import RuntimeConfig, autopilot_of, sensor_of
 from twinscrew.runtime.app.controller import Controller
 from twinscrew.runtime.app.core import Core
 from twinscrew.runtime.app.mission import Mission
+from twinscrew.runtime.app.odometry_source import Alignment, AutopilotOdometry
 from twinscrew.runtime.app.pipeline import Pipeline
 from twinscrew.runtime.link.autopilot import AutopilotLink
 from twinscrew.runtime.perception.stage import Perception
@@ -47,4 +48,7 @@ def expected_of_policies(config: RuntimeConfig) -> PolicyExpectation:
 
 def make_controller(config: RuntimeConfig) -> Controller:
     """Make everything of a vessel's runtime but its sockets and its clock."""
-    return Controller(make_core(config), AutopilotLink(config.autopilot))
+    link = AutopilotLink(autopilot_of(config))
+    own = config.odometry_source == "autopilot"
+    source = AutopilotOdometry(link, Alignment(config.alignment)) if own else None
+    return Controller(make_core(config), link, source)

@@ -6,11 +6,16 @@ config/runtime.toml shows every key with its default, unit and meaning.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
+
+from msgspec.structs import replace
 
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.odometry_buffer import OdometryBufferSettings
+from twinscrew.runtime.app.odometry_source import AlignmentSettings
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
 from twinscrew.runtime.perception.stage import PerceptionSettings
 from twinscrew.runtime.policy.observation import ObservationSettings
@@ -39,6 +44,8 @@ class RuntimeConfig(Settings, frozen=True):
     roll_rad, pitch_rad, yaw_rad; none takes the sensor's own description's."""
     policy: str = "ac_iqn"
     """A name in config/policies, an ONNX file, "apf" or "mpc"."""
+    odometry_source: Literal["bus", "autopilot"] = "bus"
+    """Where odometry comes from: the `odometry` topic, or LOCAL_POSITION_NED and ATTITUDE."""
     command_rate_hz: Positive = 20.0
     """[Hz] The thrust is re-sent this often (parameters.md: 20 Hz)."""
     thrust: ThrustLimits = ThrustLimits()
@@ -48,6 +55,7 @@ class RuntimeConfig(Settings, frozen=True):
     observation: ObservationSettings = ObservationSettings()
     assurance: AssuranceSettings = AssuranceSettings()
     odometry: OdometryBufferSettings = OdometryBufferSettings()
+    alignment: AlignmentSettings = AlignmentSettings()
     bus: ZenohSettings = ZenohSettings()
     autopilot: AutopilotSettings = AutopilotSettings()
     recording: RecordingSettings = RecordingSettings()
@@ -71,6 +79,14 @@ def sensor_of(config: RuntimeConfig) -> Sensor:
     """
     sensor = load_sensor(config.sensor)
     return sensor if config.mount is None else sensor.mounted(config.mount)
+
+
+def autopilot_of(config: RuntimeConfig) -> AutopilotSettings:
+    """Give the link's settings: as configured, and asking for odometry if it is the source."""
+    settings = config.autopilot
+    if config.odometry_source == "bus" or settings.state_hz > 0.0:
+        return settings
+    return replace(settings, state_hz=TOPICS["odometry"].rate_hz)
 
 
 def load_config(path: Path) -> RuntimeConfig:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 from twinscrew.runtime.app.core import Core
 from twinscrew.runtime.app.health import Facts, Health, State
+from twinscrew.runtime.app.odometry_source import AutopilotOdometry
 from twinscrew.runtime.link.autopilot import AutopilotLink
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS
@@ -48,9 +49,13 @@ class Handled:
 class Controller:
     """Core, watchdog, guard, health and autopilot link of one vessel."""
 
-    def __init__(self, core: Core, link: AutopilotLink) -> None:
+    def __init__(
+        self, core: Core, link: AutopilotLink, odometry: AutopilotOdometry | None = None
+    ) -> None:
+        """Join them; `odometry` is given if the autopilot is where it comes from."""
         self.core = core
         self.link = link
+        self._odometry = odometry
         self.health = Health()
         self.decision: Decision | None = None
         self._guard = Guard(core.pipeline.guard.limits)
@@ -78,7 +83,11 @@ class Controller:
 
     def take_in(self, topic: str, payload: bytes, now_s: float) -> Handled:
         """Feed one message of a core input topic to the core; never raises on its content."""
+        scan_before_ns = self.core.scan_ns
         outcome = self.core.feed(topic, payload)
+        scan_ns = self.core.scan_ns
+        if self._odometry is not None and scan_ns is not None and scan_ns != scan_before_ns:
+            self._odometry.alignment.scan_came(scan_ns, now_s)
         if outcome.stamp_ns is not None:
             self._watchdog.seen(topic, outcome.stamp_ns, now_s)
         events = outcome.events
@@ -99,6 +108,15 @@ class Controller:
         """Take in bytes that came from the autopilot."""
         if data:
             self.link.receive(data, now_s)
+
+    @property
+    def has_own_odometry(self) -> bool:
+        """Whether odometry comes from the autopilot."""
+        return self._odometry is not None
+
+    def own_odometry(self) -> list[bytes]:
+        """Give the odometry that the autopilot's words have made, to be fed to the core."""
+        return [] if self._odometry is None else self._odometry.payloads()
 
     def supervise(self, now_s: float) -> tuple[bytes | None, tuple[HealthEvent, ...]]:
         """Look at the inputs' ages and the autopilot; say what changed.

@@ -76,6 +76,11 @@ class Core:
         """[ns] The stamp of the last scan or odometry that was in order: what time it is."""
         return self._latest_ns
 
+    @property
+    def scan_ns(self) -> int | None:
+        """[ns] The stamp of the last scan that was in order, whether it could be used or not."""
+        return self._last_scan_ns
+
     def feed(self, topic: str, payload: bytes) -> Outcome:
         """Take in one message of a core input topic; it never raises.
 

@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 from twinscrew.runtime.app.controller import Controller
 from twinscrew.runtime.app.latency import Latencies
+from twinscrew.runtime.app.notify import ServiceManager
 from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.bus.inbox import Inbox
@@ -52,6 +53,7 @@ class Loop:
         self._clock = clock
         self._next_tick_s = clock()
         self._link_is_down = False
+        self._manager = ServiceManager()
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Work until `stop` says so, then leave the propellers at rest."""
@@ -62,10 +64,13 @@ class Loop:
                 self._compute(message)
             if self._clock() >= self._next_tick_s:
                 self._tick()
+        self._manager.stopping()
         self._send(self._controller.rest(self._clock()))
         gc.unfreeze()
 
     def _compute(self, message: Received) -> None:
+        if message.topic == "points" and self._controller.has_own_odometry:
+            self._hear_autopilot(self._clock())  # a scan wants the newest odometry
         self._outlet.record(message.topic, message.payload)
         handled = self._controller.take_in(message.topic, message.payload, self._clock())
         if handled.decision is not None:
@@ -77,7 +82,7 @@ class Loop:
     def _tick(self) -> None:
         now_s = self._clock()
         self._keep_time(now_s)
-        self._controller.from_autopilot(self._receive(), now_s)
+        self._hear_autopilot(now_s)
         engagement, events = self._controller.supervise(now_s)
         if engagement is not None:
             self._outlet.engaged(engagement)
@@ -86,6 +91,14 @@ class Loop:
         self._outlet.happened(events)
         self._outlet.thrust(self._controller.thrust)
         self._look_at_the_recorder()
+        self._manager.alive(now_s, self._controller.state.value)
+
+    def _hear_autopilot(self, now_s: float) -> None:
+        self._controller.from_autopilot(self._receive(), now_s)
+        for payload in self._controller.own_odometry():
+            self._outlet.record("odometry", payload)
+            handled = self._controller.take_in("odometry", payload, now_s)
+            self._outlet.happened(handled.events)
 
     def _keep_time(self, now_s: float) -> None:
         self._next_tick_s += self._period_s

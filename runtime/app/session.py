@@ -25,6 +25,12 @@ INPUTS = ("points", "odometry", "goal")
 SUMMARY_FILE = "runtime.json"
 
 
+def inputs_of(config: RuntimeConfig) -> tuple[str, ...]:
+    """Give the topics that a runtime listens to."""
+    own = config.odometry_source == "autopilot"
+    return tuple(topic for topic in INPUTS if topic != "odometry" or not own)
+
+
 class RunSummary(msgspec.Struct, frozen=True, kw_only=True):
     """What a runtime says of itself when it stops."""
 
@@ -120,7 +126,7 @@ class Session:
             bus, self._recorder, vessel=config.name, frames=Frames(sensor_of(config))
         )
         self._inbox = Inbox()
-        self._inbox.listen(bus, INPUTS)
+        self._inbox.listen(bus, inputs_of(config))
         self.loop = Loop(
             controller, self._inbox, transport, self._outlet, rate_hz=config.command_rate_hz
         )

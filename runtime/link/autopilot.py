@@ -144,6 +144,10 @@ class AutopilotLink:
         """The newest odometry made of the autopilot's messages; None if there is none."""
         return self._listener.odometry.newest
 
+    def take_odometry(self) -> list[Odometry]:
+        """Give every odometry made of the autopilot's messages since the last call."""
+        return self._listener.odometry.take()
+
     @property
     def parameters_checked(self) -> bool:
         """Whether every parameter that the link depends on was answered or given up."""

@@ -6,16 +6,24 @@ Both carry the autopilot's time since boot, which `BootClock` brings to the call
 from __future__ import annotations
 
 import math
+from collections import deque
 
 import numpy as np
 
-from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_from_quaternion
+from twinscrew.runtime.geometry.frames import (
+    quaternion_from_euler,
+    quaternion_product,
+    rotation_from_quaternion,
+)
 from twinscrew.runtime.link.boot_clock import BootClock
 from twinscrew.runtime.link.wire import Message
 from twinscrew.runtime.messages.types import Odometry
 
 PAIR_WITHIN_MS = 60
-"""[ms] Position and attitude this near in time are of one moment: one period at 20 Hz."""
+"""[ms] Position and attitude this near in time are joined, the attitude turned on by its rates to
+the position's time: one period at 20 Hz."""
+_KEPT = 64
+"""[-] The most results kept for somebody to take: three seconds at 20 Hz."""
 _ATTITUDE = ("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed")
 _POSITION = ("x", "y", "z", "vx", "vy", "vz")
 
@@ -25,9 +33,16 @@ class OdometryFromAutopilot:
 
     def __init__(self) -> None:
         self.newest: Odometry | None = None
+        self._untaken: deque[Odometry] = deque(maxlen=_KEPT)
         self._attitude: Message | None = None
         self._position: Message | None = None
         self.clock = BootClock()
+
+    def take(self) -> list[Odometry]:
+        """Give every result since the last call, the oldest first."""
+        taken = list(self._untaken)
+        self._untaken.clear()
+        return taken
 
     def attitude(self, message: Message, now_s: float) -> None:
         """Take ATTITUDE; one that is not finite is dropped."""
@@ -48,13 +63,19 @@ class OdometryFromAutopilot:
             return
         if abs(attitude.time_boot_ms - position.time_boot_ms) > PAIR_WITHIN_MS:
             return
-        q_NB = quaternion_from_euler(attitude.roll, attitude.pitch, attitude.yaw)
+        rates_B = np.array([attitude.rollspeed, attitude.pitchspeed, attitude.yawspeed])
+        later_s = (position.time_boot_ms - attitude.time_boot_ms) * 1e-3
+        q_NB = quaternion_product(
+            quaternion_from_euler(attitude.roll, attitude.pitch, attitude.yaw),
+            quaternion_from_euler(*(rates_B * later_s)),
+        )
         velocity_N = np.array([position.vx, position.vy, position.vz])
         self.newest = Odometry(
             stamp_ns=round(self.clock.caller_s(position.time_boot_ms * 1e-3) * 1e9),
             position_N=np.array([position.x, position.y, position.z]),
             q_NB=q_NB,
             velocity_B=rotation_from_quaternion(q_NB).T @ velocity_N,
-            rates_B=np.array([attitude.rollspeed, attitude.pitchspeed, attitude.yawspeed]),
+            rates_B=rates_B,
         )
+        self._untaken.append(self.newest)
         self._attitude = self._position = None

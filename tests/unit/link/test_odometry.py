@@ -63,3 +63,17 @@ def test_what_is_not_finite_is_dropped(value):
     source = OdometryFromAutopilot()
     assert feed(source, 1000, x=value) is None
     assert np.isfinite(feed(source, 1050).position_N).all()
+
+
+def test_every_result_can_be_taken_once():
+    source = OdometryFromAutopilot()
+    for boot_ms in (1000, 1050, 1100):
+        feed(source, boot_ms, x=boot_ms * 1e-3)
+    assert [odometry.position_N[0] for odometry in source.take()] == [1.0, 1.05, 1.1]
+    assert source.take() == []
+    assert source.newest.position_N[0] == pytest.approx(1.1)
+
+
+def test_an_older_attitude_is_turned_on_to_the_positions_time():
+    got = feed(OdometryFromAutopilot(), 1050, attitude_ms=1000, yaw=1.0)
+    assert got.heading == pytest.approx(1.0 + 0.1 * 0.05)

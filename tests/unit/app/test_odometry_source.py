@@ -1,0 +1,173 @@
+"""Odometry from the autopilot: in the LiDAR's time, fed to the core like the bus's."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.harness.boat import EPOCH_NS, SECOND, Steady, cloud, make_pipeline
+from tests.harness.boat import odometry as odometry_at
+
+from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
+from twinscrew.runtime.app.assemble import make_controller
+from twinscrew.runtime.app.config import RuntimeConfig, autopilot_of
+from twinscrew.runtime.app.controller import Controller
+from twinscrew.runtime.app.core import Core
+from twinscrew.runtime.app.odometry_source import (
+    ANOTHER_CLOCK_NS,
+    WINDOW,
+    Alignment,
+    AlignmentSettings,
+    AutopilotOdometry,
+)
+from twinscrew.runtime.app.session import inputs_of
+from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.messages import cdr
+
+MS = SECOND // 1000
+
+
+def after_scans(alignment: Alignment, delays_ms, period_s: float = 0.1) -> Alignment:
+    """Let scans come, each so long after its stamp; the clocks differ by EPOCH_NS."""
+    for k, delay_ms in enumerate(delays_ms):
+        taken_s = 50.0 + k * period_s
+        stamp_ns = EPOCH_NS + round(taken_s * SECOND)
+        alignment.scan_came(stamp_ns, taken_s + delay_ms * 1e-3)
+    return alignment
+
+
+def error_ms(alignment: Alignment) -> float:
+    """How much too late a time of the loop is in the LiDAR's clock."""
+    return (alignment.lidar_ns(0) - EPOCH_NS) / MS
+
+
+def test_before_the_first_scan_nothing_is_known() -> None:
+    assert Alignment().lidar_ns(0) is None
+
+
+def test_the_difference_of_the_clocks_is_found_up_to_the_usual_latency() -> None:
+    delays = [5.0, 6.0, 7.0] * 10
+    assert error_ms(after_scans(Alignment(), delays)) == pytest.approx(-6.0, abs=1e-3)
+
+
+def test_a_latency_that_is_known_is_taken_out() -> None:
+    alignment = Alignment(AlignmentSettings(lidar_latency_s=0.006))
+    assert error_ms(after_scans(alignment, [5.0, 6.0, 7.0] * 10)) == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("odd_ms", [-900.0, -500.0, 500.0, 900.0])
+def test_a_scan_that_is_late_or_wrongly_stamped_moves_nothing(odd_ms: float) -> None:
+    delays = [5.0] * 10 + [odd_ms] + [5.0] * 3
+    assert error_ms(after_scans(Alignment(), delays)) == pytest.approx(-5.0, abs=1e-3)
+
+
+@given(st.lists(st.floats(0.0, 400.0), min_size=1, max_size=2 * WINDOW))
+def test_the_error_is_never_more_than_the_worst_latency(delays: list[float]) -> None:
+    assert -max(delays) - 1e-3 <= error_ms(after_scans(Alignment(), delays)) <= 1e-3
+
+
+def test_a_drifting_clock_is_followed() -> None:
+    alignment = Alignment()
+    drift = 100e-6
+    for k in range(20_000):
+        taken_s = k * 0.1
+        alignment.scan_came(EPOCH_NS + round(taken_s * (1 + drift) * SECOND), taken_s)
+    assert error_ms(alignment) == pytest.approx(2000 * drift * 1000, abs=1.0)
+
+
+@pytest.mark.parametrize("set_by_ns", [-3600 * SECOND, 3600 * SECOND])
+def test_after_a_clock_was_set_the_next_scan_counts(set_by_ns: int) -> None:
+    alignment = after_scans(Alignment(), [5.0] * 50)
+    assert abs(set_by_ns) > ANOTHER_CLOCK_NS
+    alignment.scan_came(EPOCH_NS + set_by_ns + 100 * SECOND, 100.0)
+    assert alignment.lidar_ns(0) == EPOCH_NS + set_by_ns
+
+
+def test_stamps_of_the_systems_clock_need_no_guess() -> None:
+    settings = AlignmentSettings(lidar_clock="system")
+    alignment = Alignment(settings, wall_ns=lambda: EPOCH_NS + 70 * SECOND)
+    alignment.scan_came(EPOCH_NS + 69 * SECOND, 70.0)
+    assert alignment.lidar_ns(0) == EPOCH_NS
+
+
+class Sailing:
+    """A controller whose odometry comes from its autopilot, without sockets."""
+
+    def __init__(self, lidar_begin_ns: int = EPOCH_NS) -> None:
+        self.lidar_begin_ns = lidar_begin_ns
+        link = AutopilotLink(AutopilotSettings(state_hz=20.0, arm=True, receiver_fitted=False))
+        source = AutopilotOdometry(link, Alignment())
+        self.controller = Controller(Core(make_pipeline(Steady())), link, source)
+        self.pilot = RoverAutopilot(RoverAutopilotSettings(), 1)
+        self.fed = []
+        self.decisions = []
+
+    def sail(self, seconds: float) -> "Sailing":
+        """A boat that goes north with 2 m/s."""
+        for k in range(round(seconds / 0.05)):
+            now_s = round(k * 0.05, 6)
+            if k % 2 == 0:
+                stamp_ns = self.lidar_begin_ns + round(now_s * SECOND)
+                scan = cdr.encode_point_cloud(cloud((stamp_ns - EPOCH_NS) / SECOND))
+                handled = self.controller.take_in("points", scan, now_s)
+                self.decisions += [handled.decision] if handled.decision else []
+            true = odometry_at(now_s, north=2.0 * now_s)
+            self.controller.from_autopilot(self.pilot.step(now_s, true), now_s)
+            for payload in self.controller.own_odometry():
+                self.fed.append(cdr.decode_odometry(payload))
+                self.controller.take_in("odometry", payload, now_s)
+            self.controller.supervise(now_s)
+            self.pilot.receive(self.controller.command(now_s), now_s)
+        return self
+
+
+@pytest.mark.parametrize("begin_s", [0, -1_000_000, 1_000_000])
+def test_what_is_fed_has_the_lidars_stamps_whatever_its_clock_says(begin_s: int) -> None:
+    begin_ns = EPOCH_NS + begin_s * SECOND
+    boat = Sailing(begin_ns).sail(5.0)
+    assert len(boat.fed) > 50
+    for odometry in boat.fed:
+        time_s = (odometry.stamp_ns - begin_ns) / SECOND
+        assert odometry.position_N[0] == pytest.approx(2.0 * time_s, abs=0.01)
+
+
+def test_scans_are_decided_on_and_the_boat_may_drive() -> None:
+    boat = Sailing().sail(4.0)
+    assert len(boat.decisions) > 20
+    assert boat.controller.engaged
+
+
+def test_an_autopilot_that_falls_silent_is_stale_odometry() -> None:
+    boat = Sailing().sail(4.0)
+    boat.pilot.step = lambda now_s, true: b""
+    names = []
+    for k in range(20):
+        now_s = 4.0 + k * 0.05
+        _, events = boat.controller.supervise(now_s)
+        names += [event.name for event in events]
+    assert "odometry_stale" in names
+    assert not boat.controller.engaged
+
+
+def test_from_the_bus_nothing_of_the_autopilots_is_fed() -> None:
+    controller = make_controller(RuntimeConfig(policy="apf"))
+    assert not controller.has_own_odometry
+    assert controller.own_odometry() == []
+    assert "odometry" in inputs_of(RuntimeConfig())
+
+
+def test_the_configuration_chooses_the_source_and_asks_for_it() -> None:
+    config = RuntimeConfig(odometry_source="autopilot", policy="apf")
+    assert make_controller(config).has_own_odometry
+    assert autopilot_of(config).state_hz == 20.0
+    assert inputs_of(config) == ("points", "goal")
+
+
+def test_a_rate_that_is_configured_is_kept() -> None:
+    link = AutopilotSettings(state_hz=50.0)
+    assert autopilot_of(RuntimeConfig(odometry_source="autopilot", autopilot=link)) is link
+
+
+def test_positions_do_not_move_when_they_are_encoded() -> None:
+    boat = Sailing().sail(1.0)
+    steps = np.diff([odometry.position_N[0] for odometry in boat.fed])
+    assert steps == pytest.approx([0.1] * len(steps), abs=1e-5)
