@@ -1,0 +1,68 @@
+import pytest
+from tests.unit.experiments.episodes import vessel
+
+from twinscrew.hil_sim.experiments.episode import cause, sail_episode
+from twinscrew.hil_sim.experiments.plan import Task, parse_methods
+from twinscrew.hil_sim.experiments.sets import SetSettings
+from twinscrew.hil_sim.scenario import load_scenario
+from twinscrew.hil_sim.sitl import SitlSettings, sail
+from twinscrew.runtime.errors import TwinscrewError
+
+HEAD_ON = SetSettings(name="head on", scenario="head_on")
+
+
+def task(policy: str = "ac_iqn", switches=(), **changes) -> Task:
+    (method,) = parse_methods(policy)
+    return Task(method, HEAD_ON, switches, 0, 3, "vrx32")._replace(**changes)
+
+
+@pytest.fixture(scope="module")
+def sailed():
+    return sail_episode(task())
+
+
+def test_an_episode_is_what_sitl_sails_bit_for_bit(sailed) -> None:
+    report = sail(load_scenario("head_on", seed=3), SitlSettings(seed=3, lockstep=True))
+    assert sailed.record.decisions_sha256 == report.sha256
+    ours = [(v.outcome, v.travel_time_s) for v in sailed.record.vessels]
+    assert ours == [(v.outcome, round(v.travel_time_s, 3)) for v in report.vessels]
+
+
+def test_two_that_meet_head_on_have_one_encounter_each(sailed) -> None:
+    encounters = sailed.record.encounters
+    assert {(e.kind, e.ego) for e in encounters} >= {("head_on", 0), ("head_on", 1)}
+    nearest = [v.closest_approach_m for v in sailed.record.vessels]
+    assert min(e.gap_m for e in encounters) == pytest.approx(min(nearest), abs=0.1)
+
+
+def test_an_episode_can_be_sailed_again_and_gives_the_same(sailed) -> None:
+    again = sail_episode(task()).record
+    assert again.decisions_sha256 == sailed.record.decisions_sha256
+    assert again.encounters == sailed.record.encounters
+    assert again.vessels == sailed.record.vessels
+
+
+@pytest.mark.parametrize(
+    "switches",
+    [("ideal_perception",), ("ideal_tracking",), ("no_wind",), ("no_waves",), ("training_vessel",)],
+)
+def test_every_switch_changes_what_is_decided(sailed, switches) -> None:
+    record = sail_episode(task(switches=switches)).record
+    assert record.decisions_sha256 != sailed.record.decisions_sha256
+    assert record.variant == switches[0]
+
+
+def test_what_fails_is_an_error_and_not_a_result() -> None:
+    lost = task(set=SetSettings(name="lost", scenario="no_such"))
+    with pytest.raises(TwinscrewError, match=r"episode \(ac_iqn, lost, full, 0\).*no_such"):
+        sail_episode(lost)
+
+
+def test_the_cause_is_that_of_the_first_failure() -> None:
+    late = vessel("timeout", 90.0)
+    buoy = vessel("collision", 12.0, "buoy")
+    two = vessel("collision", 15.0, "vessel")
+    assert cause((vessel(), vessel())) is None
+    assert cause((late, vessel())) == "time"
+    assert cause((late, two, buoy, two)) == "buoy"
+    assert cause((two, late, two)) == "vessel"

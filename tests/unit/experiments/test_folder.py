@@ -1,0 +1,73 @@
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from twinscrew.hil_sim.experiments.folder import FILE, begin, go_on, read_folder
+from twinscrew.hil_sim.experiments.plan import Experiment, Method
+from twinscrew.hil_sim.experiments.sets import SetSettings
+from twinscrew.runtime.errors import ConfigError
+
+EXPERIMENT = Experiment(
+    methods=(Method(name="apf", policy="apf", sha256="1"),),
+    sets=(SetSettings(name="one", vessels=2),),
+    variants=((), ("no_wind", "no_waves")),
+)
+
+
+def test_a_folder_carries_its_experiment(tmp_path: Path) -> None:
+    made = begin(tmp_path / "x", EXPERIMENT)
+    assert read_folder(tmp_path / "x") == made
+    assert made.experiment == EXPERIMENT
+    assert made.origins[0].software["numpy"]
+    assert made.origins[0].commit
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"seed": 1},
+        {"episodes": 3},
+        {"sensor": "vrx16"},
+        {"variants": ((),)},
+        {"sets": (SetSettings(name="one", vessels=3),)},
+        {"methods": (Method(name="apf", policy="apf", sha256="2"),)},
+    ],
+)
+def test_another_experiment_is_refused_with_what_differs(tmp_path: Path, change) -> None:
+    begin(tmp_path / "x", EXPERIMENT)
+    go_on(tmp_path / "x", EXPERIMENT)
+    with pytest.raises(ConfigError, match=f"results of another experiment: {next(iter(change))}"):
+        go_on(tmp_path / "x", replace(EXPERIMENT, **change))
+
+
+def test_a_folder_that_holds_something_is_not_begun_in(tmp_path: Path) -> None:
+    (tmp_path / "something").touch()
+    with pytest.raises(ConfigError, match="not empty"):
+        begin(tmp_path, EXPERIMENT)
+
+
+def test_a_file_in_the_way_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigError, match="file"):
+        begin(tmp_path / "file", EXPERIMENT)
+
+
+def test_what_is_no_results_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="not a folder of results"):
+        read_folder(tmp_path)
+    with pytest.raises(ConfigError, match="no such folder"):
+        read_folder(tmp_path / "x")
+    (tmp_path / FILE).write_text("{")
+    with pytest.raises(ConfigError, match="damaged"):
+        read_folder(tmp_path)
+
+
+def test_a_different_checkout_that_goes_on_is_noted(tmp_path: Path) -> None:
+    begin(tmp_path / "x", EXPERIMENT)
+    file = tmp_path / "x" / FILE
+    commit = read_folder(tmp_path / "x").origins[0].commit
+    file.write_text(file.read_text().replace(commit, "0123456789ab"))
+    commits = [origin.commit for origin in go_on(tmp_path / "x", EXPERIMENT).origins]
+    assert commits == ["0123456789ab", commit]
+    assert len(go_on(tmp_path / "x", EXPERIMENT).origins) == 2
