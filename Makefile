@@ -15,9 +15,9 @@ export OPENBLAS_NUM_THREADS ?= 1
 help:  ## list the targets
 	@grep -hE '^[a-z-]+:.*  ## ' $(MAKEFILE_LIST) | sed -E 's/:.*  ## /\t/' | expand -t 14
 
-setup: $(VENV)/.installed  ## install twinscrew for simulation (no torch) into .venv
+setup: $(VENV)/.built  ## install twinscrew for simulation (no torch) into .venv
 
-setup-dev: $(VENV)/.installed-dev  ## install everything, torch and the checkers too
+setup-dev: $(VENV)/.installed-dev $(VENV)/.built  ## install everything, torch and the checkers too
 
 sitl: setup  ## sail 3 vessels across the paper's map, in wind and waves, in real time
 	$(BIN)/twinscrew sitl --vessels 3 $(SITL_ARGS)
@@ -48,8 +48,9 @@ bench: setup-dev  ## measure everything and print the figures
 train: setup-dev  ## train the shipped policy's configuration, one seed
 	$(BIN)/twinscrew train config/training/ac_iqn.toml --seeds 0
 
-native: setup-dev  ## rebuild the native modules after a change in C++
-	flock .build.lock $(PIP) install -q --no-build-isolation --no-deps -e .
+native: $(VENV)/.installed-dev  ## rebuild the native modules after a change in C++
+	$(REBUILD)
+	@touch $(VENV)/.built
 
 fuzz: setup-dev  ## fuzz the decoder and the kernels for FUZZ_S seconds each (default 300)
 	bash tests/fuzz/run.sh $(or $(FUZZ_S),300)
@@ -65,12 +66,22 @@ clean:  ## remove the environment, builds and runs
 $(VENV)/bin/python:
 	bash deploy/bootstrap.sh $(VENV)
 
-$(VENV)/.installed: $(VENV)/bin/python pyproject.toml constraints.txt $(NATIVE)
-	$(PIP) install -q -c constraints.txt -e ".[sim]"
-	@touch $@
+# One build at a time. With the build's tools installed it has a folder of its own: an isolated build
+# finds its tools at another path each time, and so compiles everything anew, nanobind too.
+INSTALL := flock .build.lock $(PIP) install -q -c constraints.txt
+REBUILD = $(if $(wildcard $(VENV)/.installed-dev),SKBUILD_BUILD_DIR=build/native \
+	$(INSTALL) --no-build-isolation,$(INSTALL)) --no-deps -e .
 
-$(VENV)/.installed-dev: $(VENV)/.installed
-	$(PIP) install -q -c constraints.txt -e ".[sim,train,dev]" \
+$(VENV)/.installed: $(VENV)/bin/python pyproject.toml constraints.txt
+	$(INSTALL) -e ".[sim]"
+	@touch $@ $(VENV)/.built
+
+$(VENV)/.installed-dev: $(VENV)/bin/python pyproject.toml constraints.txt
+	$(INSTALL) -e ".[sim,train,dev]" \
 		$$($(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"])') \
 		cmake ninja
+	@touch $@ $(VENV)/.installed $(VENV)/.built
+
+$(VENV)/.built: $(NATIVE) | $(VENV)/.installed
+	@test -e $@ && test -z "$$(find $(NATIVE) -newer $@)" || ($(REBUILD))
 	@touch $@
