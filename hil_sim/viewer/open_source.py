@@ -11,7 +11,7 @@ from msgspec import structs
 from twinscrew.hil_sim.viewer.live import Boat, LiveSource
 from twinscrew.hil_sim.viewer.recorded import RecordedSource
 from twinscrew.hil_sim.viewer.scene import Scene, read_scene
-from twinscrew.runtime.app.config import load_config
+from twinscrew.runtime.app.config import load_config, sensor_of
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.perception.sensor import load_sensor
@@ -51,7 +51,7 @@ def from_configs(files: Sequence[Path], scene: Scene | None = None) -> LiveSourc
         A file cannot be used.
     """
     configs = [load_config(file) for file in files]
-    boats = [Boat(config.name, load_sensor(config.sensor)) for config in configs]
+    boats = [Boat(config.name, sensor_of(config)) for config in configs]
     settings = structs.replace(configs[0].bus, mode="client", listen=())
     return LiveSource(settings, boats, scene or Scene())
 

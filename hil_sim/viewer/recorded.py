@@ -10,9 +10,11 @@ from twinscrew.hil_sim.viewer.scene import Scene, read_scene
 from twinscrew.hil_sim.viewer.source import Places
 from twinscrew.hil_sim.viewer.vessel import SHOWN, Vessel
 from twinscrew.hil_sim.viewer.wire import Part
+from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
 from twinscrew.runtime.app.recording import Recorded, Recording, find_recordings
 from twinscrew.runtime.errors import RecordingError
-from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.perception.sensor import Sensor
+from twinscrew.runtime.settings import convert
 
 FRAME_S = 0.1
 """[s] Between two pictures."""
@@ -92,8 +94,7 @@ class RecordedSource:
         """See `Source`; nothing is open."""
 
     def _read(self, recording: Recording, begin_ns: int) -> None:
-        config = recording.metadata.get("config", {})
-        vessel = Vessel(recording.vessel, load_sensor(config.get("sensor", "vrx32")))
+        vessel = Vessel(recording.vessel, _sensor(recording))
         film, time_s = Film(), 0.0
         for message in recording.messages(SHOWN):
             time_s = (message.time_ns - begin_ns) * 1e-9
@@ -112,3 +113,10 @@ def _first_ns(recording: Recording) -> int:
     if first is None:
         raise RecordingError(f"{recording.path}: holds no message that could be shown")
     return first.time_ns
+
+
+def _sensor(recording: Recording) -> Sensor:
+    """Give the LiDAR of the recorded configuration; a foreign bag's is taken for the default."""
+    config = recording.metadata.get("config", {})
+    where = {key: config[key] for key in ("sensor", "mount") if key in config}
+    return sensor_of(convert(where, RuntimeConfig, file=recording.path))

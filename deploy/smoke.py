@@ -1,0 +1,87 @@
+"""Tries an installation as a boat has it: the runtime alone. Run it outside of the sources."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import math
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+FOREIGN = ("torch", "aiohttp", "twinscrew.training", "twinscrew.export", "twinscrew.hil_sim")
+"""What a boat does not carry."""
+PACKAGED = ("Python", "packages", "native kernels", "sensor", "policy")
+"""The doctor's lines that are about the installation; the others are about the machine."""
+RING = 60
+"""[-] Points around the buoy of the trial scan, on each of its beams."""
+
+
+def main() -> None:
+    """Check what is there, what is not, and that the commands of a boat answer."""
+    carried = [name for name in FOREIGN if importlib.util.find_spec(name) is not None]
+    if carried:
+        sys.exit(f"the boat's installation carries {', '.join(carried)}")
+    with tempfile.TemporaryDirectory() as folder:
+        objects = perceive(Path(folder))
+    if len(objects) != 1:
+        sys.exit(f"one buoy was shown, but {len(objects)} objects were found")
+    print("perceive     one buoy shown, one found")
+    findings = doctor()
+    failed = [finding for finding in findings if finding["verdict"] == "FAIL"]
+    print(f"doctor       {len(findings)} lines, {len(failed)} FAIL")
+    ours = [finding for finding in failed if finding["what"] in PACKAGED]
+    if ours:
+        sys.exit(json.dumps(ours, indent=1))
+
+
+def perceive(folder: Path) -> list[dict[str, float]]:
+    """Have a scan of a buoy 8 m ahead perceived; give the objects."""
+    scan = folder / "buoy.pcd"
+    scan.write_text(pcd(buoy(8.0, 0.4)))
+    answer = twinscrew("perceive", str(scan), "--sensor", "vrx32", "--json")
+    objects: list[dict[str, float]] = json.loads(answer.stdout)["objects"]
+    return objects
+
+
+def buoy(ahead_m: float, radius_m: float) -> list[tuple[float, float, float]]:
+    """Give the near side of a cylinder, as beams of a LiDAR see it: x forward, y left, z up."""
+    widest = math.asin(radius_m / ahead_m)
+    places = []
+    for beam in range(6):
+        for step in range(RING):
+            bearing = 0.98 * widest * (2 * step / (RING - 1) - 1)
+            half_chord = math.sqrt(radius_m**2 - (ahead_m * math.sin(bearing)) ** 2)
+            distance = ahead_m * math.cos(bearing) - half_chord
+            z = distance * math.tan(math.radians(-1.0 + 0.7 * beam))
+            places.append((distance * math.cos(bearing), distance * math.sin(bearing), z))
+    return places
+
+
+def pcd(places: list[tuple[float, float, float]]) -> str:
+    """Write points as an ASCII PCD file."""
+    count = len(places)
+    head = f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {count}\n"
+    head += f"HEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA ascii\n"
+    return head + "".join(f"{x:.4f} {y:.4f} {z:.4f}\n" for x, y, z in places)
+
+
+def doctor() -> list[dict[str, str]]:
+    """Give the doctor's findings: it may find fault with this machine, but it has to answer."""
+    answer = twinscrew("doctor", "--json")
+    findings: list[dict[str, str]] = json.loads(answer.stdout)["checks"]
+    return findings
+
+
+def twinscrew(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run the command that was installed beside this Python."""
+    command = Path(sys.executable).with_name("twinscrew")
+    answer = subprocess.run([command, *arguments], capture_output=True, text=True, check=False)
+    if answer.returncode not in {0, 1}:
+        sys.exit(f"twinscrew {' '.join(arguments)}: {answer.stderr}")
+    return answer
+
+
+if __name__ == "__main__":
+    main()
