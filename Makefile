@@ -22,7 +22,7 @@ setup-dev: $(VENV)/.installed-dev $(VENV)/.built  ## install everything, torch a
 sitl: setup  ## sail 3 vessels across the paper's map, in wind and waves, in real time
 	$(BIN)/twinscrew sitl --vessels 3 $(SITL_ARGS)
 
-test: setup-dev  ## run the whole test suite
+test: setup-dev $(VENV)/.browser  ## run the whole test suite
 	$(BIN)/pytest
 
 test-fast: setup-dev  ## run the tests that take less than ten seconds each
@@ -75,6 +75,10 @@ REBUILD = $(if $(wildcard $(VENV)/.installed-dev),SKBUILD_BUILD_DIR=build/native
 $(VENV)/.installed: $(VENV)/bin/python pyproject.toml constraints.txt
 	$(INSTALL) -e ".[sim]"
 	@touch $@ $(VENV)/.built
+
+$(VENV)/.browser: $(VENV)/bin/python
+	bash deploy/browser.sh
+	@touch $@
 
 $(VENV)/.installed-dev: $(VENV)/bin/python pyproject.toml constraints.txt
 	$(INSTALL) -e ".[sim,train,dev]" \
