@@ -1,0 +1,132 @@
+"""Stored references: what the core once decided on a recording, and on which machine.
+
+The recording is one vessel's of two that cross in the paper's sea. The references lie beside it,
+one a case, as decisions to the last bit; `python -m tests.replay.accept` renews them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twinscrew.hil_sim.scenario import load_scenario
+from twinscrew.hil_sim.sitl import SitlSettings, sail
+from twinscrew.runtime.app.assemble import make_core
+from twinscrew.runtime.app.bag import BagSettings, BagWriter
+from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.recorder import software
+from twinscrew.runtime.app.recording import Recording, find_recordings
+from twinscrew.runtime.app.session import metadata_of
+from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.safety.assurance import AssuranceSettings
+
+FOLDER = Path(__file__).parent.parent / "data" / "references" / "crossing"
+VESSEL = "wamv1"
+LASTS_S = 3.0
+NEARER_M = 12.0
+"""[m] Than in the shipped scenario, so that each has the other in sight."""
+PACKED = BagSettings(compression="zstd", chunk_kb=4096)
+
+ANXIOUS = AssuranceSettings(enabled=True, wait_s=1.5, moving_horizon_s=4.0, margin_m=4.0)
+"""Intervenes where the policy has all in hand, so that the assurance is part of a reference."""
+CASES: Mapping[str, RuntimeConfig] = {
+    "ac_iqn": RuntimeConfig(name=VESSEL, sensor="vrx16", policy="ac_iqn"),
+    "apf": RuntimeConfig(name=VESSEL, sensor="vrx16", policy="apf"),
+    "assured": RuntimeConfig(name=VESSEL, sensor="vrx16", assurance=ANXIOUS),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """What was decided when the reference was made."""
+
+    decisions: tuple[bytes, ...]
+    machine: Mapping[str, Any]
+    """What the bits may depend on, besides the source."""
+
+
+def inputs(folder: Path = FOLDER) -> Recording:
+    """Give what the core took in."""
+    (recording,) = find_recordings(folder / "inputs")
+    return recording
+
+
+def decide(case: str) -> tuple[bytes, ...]:
+    """Decide on the recording, with the source as it is."""
+    return tuple(_decisions(CASES[case]))
+
+
+def sha256(decisions: tuple[bytes, ...]) -> str:
+    """Give the hash of a run, as `twinscrew replay` does."""
+    from twinscrew.runtime.app.recording import decisions_sha256
+
+    return decisions_sha256(decisions)
+
+
+def stored(case: str, folder: Path = FOLDER) -> Reference | None:
+    """Read a reference; None if there is none."""
+    if not (folder / case).is_dir():
+        return None
+    (recording,) = find_recordings(folder / case)
+    return Reference(tuple(recording.decisions()), recording.metadata["machine"])
+
+
+def store(case: str, decisions: tuple[bytes, ...], folder: Path = FOLDER) -> None:
+    """Put a reference in place of the old one, if there is one."""
+    shutil.rmtree(folder / case, ignore_errors=True)
+    policy = make_core(CASES[case]).pipeline.policy
+    metadata = {"machine": machine(), **metadata_of(CASES[case], policy)}
+    bag = BagWriter(folder / case, VESSEL, metadata, PACKED)
+    for payload in decisions:
+        bag.write("decision", payload, cdr.decode_decision(payload).stamp_ns)
+    bag.close()
+
+
+def record(folder: Path = FOLDER) -> None:
+    """Sail, and keep what one vessel's core took in: the references must then be renewed."""
+    shutil.rmtree(folder / "inputs", ignore_errors=True)
+    crossing = load_scenario("crossing")
+    heading = crossing.starts[:, 2]
+    ahead = NEARER_M * np.column_stack([np.cos(heading), np.sin(heading), np.zeros(2)])
+    crossing = replace(crossing, starts=crossing.starts + ahead, time_limit_s=LASTS_S)
+    settings = SitlSettings(sensor="vrx16", lockstep=True)
+    with tempfile.TemporaryDirectory() as run:
+        sail(crossing, settings, Path(run))
+        (recording,) = find_recordings(Path(run) / VESSEL)
+        bag = BagWriter(folder / "inputs", VESSEL, {"software": software()}, PACKED)
+        for message in recording.inputs():
+            bag.write(*message)
+        bag.close()
+
+
+def machine() -> dict[str, Any]:
+    """Say what the bits may depend on, besides the source: processor, C library, packages."""
+    words = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    facts = dict(
+        tuple(part.strip() for part in line.split(":", 1)) for line in words if ":" in line
+    )
+    flags = facts.get("flags", facts.get("Features", ""))
+    return {
+        "cpu": facts.get("model name", platform.processor()),
+        "cpu_flags_sha256": hashlib.sha256(flags.encode()).hexdigest(),
+        "architecture": platform.machine(),
+        "libc": " ".join(platform.libc_ver()),
+        "python": platform.python_version(),
+        "software": {k: v for k, v in software().items() if k != "twinscrew"},
+    }
+
+
+def _decisions(config: RuntimeConfig) -> Iterator[bytes]:
+    core = make_core(config)
+    for message in inputs().inputs():
+        outcome = core.feed(message.topic, message.payload)
+        if outcome.decision is not None:
+            yield cdr.encode_decision(outcome.decision)
