@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 
+from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotFleet, ArduPilotSettings
 from twinscrew.hil_sim.drivers.fleet import Fleet
 from twinscrew.hil_sim.drivers.lockstep import LockstepCrew
@@ -24,11 +25,14 @@ from twinscrew.runtime.app.replay import combined_sha256
 from twinscrew.runtime.app.session import read_summary
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.link.datum import Datum
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.settings import Settings
 
 Progress = Callable[[float, tuple[Result, ...]], None]
 Tell = Callable[[str], None]
+DATUM = Datum(latitude_deg=Origin().latitude_deg, longitude_deg=Origin().longitude_deg)
+"""Where the scenarios' origin lies: the vessels sail in one frame."""
 ARDUPILOT_DOCK_LIMIT_S = 180.0
 """[s] A real autopilot calibrates, finds its position and settles before it lets itself be armed
 (about 20 s, measured), and the last of several may be started late."""
@@ -210,6 +214,7 @@ def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: str)
             arm=True,
             receiver_fitted=False,
             write_parameters=settings.write_params,
+            datum=DATUM,
         ),
         recording=RecordingSettings(folder=folder),
     )

@@ -10,12 +10,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.hil_sim.autopilot.rover import Mode, Rover
 from twinscrew.runtime.geometry.frames import euler_from_quaternion, rotation_from_quaternion
+from twinscrew.runtime.link.datum import EARTH_RADIUS_M
 from twinscrew.runtime.link.wire import Message
 from twinscrew.runtime.messages.types import Odometry
 from twinscrew.runtime.settings import Settings
 
-EARTH_RADIUS_M = 6_378_137.0
-"""[m] WGS 84's semi-major axis; a flat earth is good enough over a few hundred metres."""
 _RECEIVER = mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
 _SENSORS = (
     mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
@@ -136,6 +135,17 @@ def global_position_int(moment: Moment) -> Message | None:
     )
 
 
+def gps_global_origin(moment: Moment) -> Message:
+    """Tell where on the earth the local frame's origin lies."""
+    origin = moment.origin
+    return mavlink.MAVLink_gps_global_origin_message(
+        round(origin.latitude_deg * 1e7),
+        round(origin.longitude_deg * 1e7),
+        round(origin.altitude_m * 1000),
+        moment.boot_ms * 1000,
+    )
+
+
 def system_time(moment: Moment) -> Message:
     """Tell the time since boot (there is no date in a simulation)."""
     return mavlink.MAVLink_system_time_message(0, moment.boot_ms)
@@ -162,6 +172,7 @@ TELLERS: dict[int, Callable[[Moment], Message | None]] = {
     mavlink.MAVLINK_MSG_ID_ATTITUDE: attitude,
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: local_position_ned,
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: global_position_int,
+    mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: gps_global_origin,
     mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: servo_output_raw,
     mavlink.MAVLINK_MSG_ID_RC_CHANNELS: rc_channels,
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,

@@ -50,7 +50,8 @@ class Instance:
         """Give the words that start it, in its folder."""
         place = origin or Origin()
         home = f"{place.latitude_deg},{place.longitude_deg},{place.altitude_m},0"
-        words = ["--model", f"JSON:{HOST}", "--instance", str(self.number), "--speedup", "1"]
+        words = ["--model", f"JSON:{HOST}", "--instance", str(self.number)]
+        words += ["--sysid", str(self.system_id), "--speedup", "1"]
         return [binary, *words, "--wipe", "--home", home, "--defaults", PARAMETERS_FILE]
 
     def command_line(self, binary: str) -> str:

@@ -53,7 +53,9 @@ class AutopilotLink:
         self._letting_go = LettingGo()
         self._streams = [
             Wanted(settings.system_id, message_id, rate_hz)
-            for message_id, rate_hz in commands.streams(settings.servo_output_hz, settings.state_hz)
+            for message_id, rate_hz in commands.streams(
+                settings.servo_output_hz, settings.state_hz, origin=settings.datum is not None
+            )
         ]
         self._outbox: list[Message] = []
         self._now_s = self._beat_s = self._commanded_s = -math.inf

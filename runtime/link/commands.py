@@ -12,6 +12,8 @@ from twinscrew.runtime.messages.types import Severity
 
 HEARTBEAT_S = 1.0
 """[s] MAVLink's heartbeat interval."""
+ORIGIN_HZ = 1.0
+"""[Hz] Often enough to hear soon that an autopilot has started again, with another origin."""
 COMMAND_STALE_S = 0.2
 """[s] Without a new command for this long (4 at 20 Hz), `tick` sends stop."""
 STREAM_BEFORE_ARMING_S = 0.1
@@ -73,12 +75,16 @@ def message_interval(target: int, message_id: int, rate_hz: float) -> Message:
     return _command(target, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_us)
 
 
-def streams(servo_output_hz: float, state_hz: float) -> list[tuple[int, float]]:
-    """Give the messages that the link wants, with their rates [Hz]."""
+def streams(
+    servo_output_hz: float, state_hz: float, *, origin: bool = False
+) -> list[tuple[int, float]]:
+    """Give the messages that the link wants, with their rates [Hz]; `origin`: of its frame too."""
     wanted = [(int(mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW), servo_output_hz)]
     if state_hz > 0:
         wanted.append((int(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED), state_hz))
         wanted.append((int(mavlink.MAVLINK_MSG_ID_ATTITUDE), state_hz))
+    if state_hz > 0 and origin:
+        wanted.append((int(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN), ORIGIN_HZ))
     return wanted
 
 

@@ -35,7 +35,7 @@ class Listener:
         self.obedience = Obedience(
             settings.obey_tolerance_us, settings.obey_delay_s, settings.obey_patience_s
         )
-        self.odometry = OdometryFromAutopilot()
+        self.odometry = OdometryFromAutopilot(settings.datum)
         self.manual = Retried(commands.set_mode(target, MANUAL), every_s=1.0)
         self.arming = Retried(commands.arm(target), every_s=1.0)
         self.texts: list[str] = []
@@ -56,6 +56,7 @@ class Listener:
             "PARAM_VALUE": self._on_parameter,
             "LOCAL_POSITION_NED": self.odometry.position,
             "ATTITUDE": self.odometry.attitude,
+            "GPS_GLOBAL_ORIGIN": self.odometry.origin,
             "TIMESYNC": self.odometry.clock.answered,
         }
 

@@ -16,12 +16,15 @@ from twinscrew.runtime.geometry.frames import (
     rotation_from_quaternion,
 )
 from twinscrew.runtime.link.boot_clock import BootClock
+from twinscrew.runtime.link.datum import Datum, from_datum_N
 from twinscrew.runtime.link.wire import Message
-from twinscrew.runtime.messages.types import Odometry
+from twinscrew.runtime.messages.types import Float64, Odometry
 
 PAIR_WITHIN_MS = 60
 """[ms] Position and attitude this near in time are joined, the attitude turned on by its rates to
 the position's time: one period at 20 Hz."""
+REBOOT_MS = 1000
+"""[ms] A time since boot this far back means that the autopilot started again."""
 _KEPT = 64
 """[-] The most results kept for somebody to take: three seconds at 20 Hz."""
 _ATTITUDE = ("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed")
@@ -29,13 +32,23 @@ _POSITION = ("x", "y", "z", "vx", "vy", "vz")
 
 
 class OdometryFromAutopilot:
-    """Joins the two messages; `newest` is the last result."""
+    """Joins the two messages; `newest` is the last result.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    datum
+        The origin that positions are to be counted from; None for the autopilot's own. With one,
+        nothing is given before the autopilot has told where its own lies.
+    """
+
+    def __init__(self, datum: Datum | None = None) -> None:
         self.newest: Odometry | None = None
         self._untaken: deque[Odometry] = deque(maxlen=_KEPT)
         self._attitude: Message | None = None
         self._position: Message | None = None
+        self._datum = datum
+        self._origin_N: Float64 | None = None if datum else np.zeros(3)
+        self._boot_ms = 0
         self.clock = BootClock()
 
     def take(self) -> list[Odometry]:
@@ -56,26 +69,43 @@ class OdometryFromAutopilot:
             self._position = message
             self._join(message.time_boot_ms, now_s)
 
+    def origin(self, message: Message, _now_s: float) -> None:
+        """Take GPS_GLOBAL_ORIGIN: where the autopilot counts its position from."""
+        if self._datum is not None:
+            place = message.latitude * 1e-7, message.longitude * 1e-7
+            self._origin_N = from_datum_N(self._datum, *place)
+
     def _join(self, boot_ms: int, now_s: float) -> None:
+        if self._datum and boot_ms < self._boot_ms - REBOOT_MS:
+            self._origin_N = None  # it counts from another place now, and will tell
+        self._boot_ms = boot_ms
         self.clock.heard(boot_ms * 1e-3, now_s)
-        attitude, position = self._attitude, self._position
-        if attitude is None or position is None:
-            return
-        if abs(attitude.time_boot_ms - position.time_boot_ms) > PAIR_WITHIN_MS:
-            return
-        rates_B = np.array([attitude.rollspeed, attitude.pitchspeed, attitude.yawspeed])
-        later_s = (position.time_boot_ms - attitude.time_boot_ms) * 1e-3
-        q_NB = quaternion_product(
-            quaternion_from_euler(attitude.roll, attitude.pitch, attitude.yaw),
-            quaternion_from_euler(*(rates_B * later_s)),
-        )
-        velocity_N = np.array([position.vx, position.vy, position.vz])
-        self.newest = Odometry(
-            stamp_ns=round(self.clock.caller_s(position.time_boot_ms * 1e-3) * 1e9),
-            position_N=np.array([position.x, position.y, position.z]),
-            q_NB=q_NB,
-            velocity_B=rotation_from_quaternion(q_NB).T @ velocity_N,
-            rates_B=rates_B,
-        )
-        self._untaken.append(self.newest)
-        self._attitude = self._position = None
+        attitude, position, origin_N = self._attitude, self._position, self._origin_N
+        if position is None or origin_N is None:
+            self._position = None
+        elif attitude is not None and abs(_later_ms(position, attitude)) <= PAIR_WITHIN_MS:
+            stamp_ns = round(self.clock.caller_s(position.time_boot_ms * 1e-3) * 1e9)
+            self.newest = _odometry(attitude, position, origin_N, stamp_ns)
+            self._untaken.append(self.newest)
+            self._position = None  # the attitude may serve the next one, should its own be lost
+
+
+def _later_ms(message: Message, other: Message) -> int:
+    return int(message.time_boot_ms - other.time_boot_ms)
+
+
+def _odometry(attitude: Message, position: Message, origin_N: Float64, stamp_ns: int) -> Odometry:
+    rates_B = np.array([attitude.rollspeed, attitude.pitchspeed, attitude.yawspeed])
+    turn = rates_B * (_later_ms(position, attitude) * 1e-3)
+    q_NB = quaternion_product(
+        quaternion_from_euler(attitude.roll, attitude.pitch, attitude.yaw),
+        quaternion_from_euler(*turn),
+    )
+    velocity_N = np.array([position.vx, position.vy, position.vz])
+    return Odometry(
+        stamp_ns=stamp_ns,
+        position_N=origin_N + np.array([position.x, position.y, position.z]),
+        q_NB=q_NB,
+        velocity_B=rotation_from_quaternion(q_NB).T @ velocity_N,
+        rates_B=rates_B,
+    )

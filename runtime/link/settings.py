@@ -8,6 +8,7 @@ from msgspec import Meta
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.link.authority import AskManual
+from twinscrew.runtime.link.datum import Datum
 from twinscrew.runtime.link.paddles import PaddleSettings
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
 
@@ -43,6 +44,9 @@ class AutopilotSettings(Settings, frozen=True):
     """[Hz] How often to hear what drives the propellers."""
     state_hz: NonNegative = 0.0
     """[Hz] How often to hear position and attitude; 0 if odometry comes from elsewhere."""
+    datum: Datum | None = None
+    """latitude_deg and longitude_deg of the local frame's origin; none: where the autopilot's own
+    filter began. Only for odometry from the autopilot."""
     silent_after_s: Positive = 0.5
     """[s] Nothing for this long: the autopilot is silent (once its streams run)."""
     heartbeat_timeout_s: Positive = 3.5

@@ -12,6 +12,7 @@ filters.
 from __future__ import annotations
 
 import argparse
+import math
 import re
 import select
 import socket
@@ -23,6 +24,7 @@ import numpy as np
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.parameters import Parameters
 from twinscrew.hil_sim.autopilot.rover import RoverSettings
+from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.hil_sim.bridges.ardupilot_json import ServoFrame, encode_servos
 from twinscrew.runtime.geometry.frames import rotation_from_quaternion
 from twinscrew.runtime.link.parm import read_parm
@@ -30,7 +32,8 @@ from twinscrew.runtime.messages.types import Odometry
 
 AGAIN_S = 1.0
 LONGEST_S = 0.1
-GRAVITY = 9.80665
+EARTH_RADIUS_M = 6_378_100.0
+"""[m] ArduPilot's earth."""
 
 
 class Sensors:
@@ -71,27 +74,39 @@ def whole_line(buffer: bytes) -> str:
 class Peer:
     """One simulated autopilot between two sockets."""
 
-    def __init__(self, instance: int, parameters: Path, rate_hz: int, arming_s: float) -> None:
+    pilot: RoverAutopilot | None = None
+
+    def __init__(
+        self, instance: int, parameters: Path, home: str, rate_hz: int, arming_s: float
+    ) -> None:
         values = read_parm(parameters)
         system_id = int(values["SYSID_THISMAV"])
         known = Parameters(system_id, {})
         changes = {n: v for n, v in values.items() if known.get(n, np.nan) not in (v, np.nan)}
         changes = {n: v for n, v in changes.items() if not np.isnan(known.get(n, np.nan))}
-        rover = RoverSettings(arming_delay_s=arming_s, parameters=changes)
-        self.pilot = RoverAutopilot(RoverAutopilotSettings(rover=rover), system_id)
         self.rate_hz = rate_hz
         self.count = 0
         self.time_s = 0.0
         self.told_s = 0.0
-        self.begin: np.ndarray | None = None
-        self.worst_g = 0.0
         self.udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.udp.connect(("127.0.0.1", 9002 + 10 * instance))
         with socket.create_server(("127.0.0.1", 5760 + 10 * instance)) as server:
             self.tcp, _ = server.accept()  # SERIAL0 is tcp:0:wait
         self.tcp.setblocking(False)
+        self.begin = self.pass_time().position
+        rover = RoverSettings(arming_delay_s=arming_s, parameters=changes)
+        settings = RoverAutopilotSettings(rover=rover)
+        self.pilot = RoverAutopilot(settings, system_id, place_of(home, self.begin))
 
     def frame(self) -> None:
+        """Let the time of a frame pass, and the autopilot do what it does in it."""
+        sensors = self.pass_time()
+        self.pilot.receive(self.heard(), self.time_s)
+        answer = self.pilot.step(self.time_s, self.odometry(sensors))
+        if answer:
+            self.tcp.send(answer)
+
+    def pass_time(self) -> Sensors:
         """Ask for a frame, wait for its answer, let the time pass that it tells."""
         sensors = self.ask()
         dt_s = sensors.time_s - self.told_s
@@ -99,13 +114,10 @@ class Peer:
         self.count += 1
         assert 0.0 < dt_s < LONGEST_S, f"ArduPilot would not move on by {dt_s} s"
         self.time_s += dt_s
-        self.pilot.receive(self.heard(), self.time_s)
-        answer = self.pilot.step(self.time_s, self.odometry(sensors))
-        if answer:
-            self.tcp.send(answer)
+        return sensors
 
     def ask(self) -> Sensors:
-        outputs = tuple(self.pilot.rover.servo_outputs())
+        outputs = tuple(self.pilot.rover.servo_outputs()) if self.pilot else (1500,) * 16
         request = encode_servos(ServoFrame(self.rate_hz, self.count, outputs))
         while True:
             try:
@@ -125,9 +137,6 @@ class Peer:
         return data
 
     def odometry(self, sensors: Sensors) -> Odometry:
-        if self.begin is None:
-            self.begin = sensors.position  # where its filter begins is its origin
-        self.worst_g = max(self.worst_g, abs(np.linalg.norm(sensors.accel) - GRAVITY))
         return Odometry(
             stamp_ns=round(self.time_s * 1e9),
             position_N=sensors.position - self.begin,
@@ -137,9 +146,21 @@ class Peer:
         )
 
 
+def place_of(home: str, position: np.ndarray) -> Origin:
+    """Give the place on the earth of a position from `--home`: a filter begins where it is."""
+    latitude, longitude, altitude, _ = (float(word) for word in home.split(","))
+    north_deg, east_deg = np.degrees(position[:2] / EARTH_RADIUS_M)
+    parallel = math.cos(math.radians(latitude + north_deg / 2))
+    return Origin(
+        latitude_deg=latitude + north_deg,
+        longitude_deg=longitude + east_deg / parallel,
+        altitude_m=altitude,
+    )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
-    for word in ("--model", "--home", "--speedup"):
+    for word in ("--model", "--home", "--speedup", "--sysid"):
         parser.add_argument(word)
     parser.add_argument("--wipe", action="store_true")
     parser.add_argument("--instance", type=int, default=0)
@@ -152,7 +173,7 @@ def main() -> None:
         given[at : at + 2] = [f"--home={given[at + 1]}"]
     words = parser.parse_args(given)
     assert words.model == "JSON:127.0.0.1"
-    peer = Peer(words.instance, words.defaults, words.rate, words.arming_delay)
+    peer = Peer(words.instance, words.defaults, words.home, words.rate, words.arming_delay)
     print(f"instance {words.instance}: a companion is here", flush=True)
     while True:
         try:

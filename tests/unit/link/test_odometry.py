@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from twinscrew.runtime.link.datum import EARTH_RADIUS_M, Datum
 from twinscrew.runtime.link.odometry import PAIR_WITHIN_MS, OdometryFromAutopilot
 
 BOOT_S = 500.0
@@ -77,3 +78,67 @@ def test_every_result_can_be_taken_once():
 def test_an_older_attitude_is_turned_on_to_the_positions_time():
     got = feed(OdometryFromAutopilot(), 1050, attitude_ms=1000, yaw=1.0)
     assert got.heading == pytest.approx(1.0 + 0.1 * 0.05)
+
+
+DATUM = Datum(latitude_deg=-33.7221, longitude_deg=150.6739)
+
+
+def origin(latitude_deg, longitude_deg):
+    return mavlink.MAVLink_gps_global_origin_message(
+        round(latitude_deg * 1e7), round(longitude_deg * 1e7), 0, 0
+    )
+
+
+def test_with_a_datum_nothing_is_given_before_the_origin_is_told():
+    source = OdometryFromAutopilot(DATUM)
+    assert feed(source, 1000) is None
+    source.origin(origin(DATUM.latitude_deg, DATUM.longitude_deg), BOOT_S)
+    assert feed(source, 1050, x=7.0).position_N == pytest.approx([7.0, 2.0, 3.0], abs=1e-3)
+
+
+def test_with_a_datum_positions_are_counted_from_it():
+    source = OdometryFromAutopilot(DATUM)
+    north_deg = math.degrees(30.0 / EARTH_RADIUS_M)
+    east_deg = math.degrees(-20.0 / EARTH_RADIUS_M / math.cos(math.radians(DATUM.latitude_deg)))
+    source.origin(origin(DATUM.latitude_deg + north_deg, DATUM.longitude_deg + east_deg), BOOT_S)
+    got = feed(source, 1000, x=1.0)
+    assert got.position_N == pytest.approx([31.0, -18.0, 3.0], abs=0.02)
+
+
+def test_an_autopilot_that_starts_again_must_tell_its_new_origin_first():
+    source = OdometryFromAutopilot(DATUM)
+    source.origin(origin(DATUM.latitude_deg, DATUM.longitude_deg), BOOT_S)
+    feed(source, 100_000)
+    source.take()
+    feed(source, 1000)
+    assert source.take() == []
+
+
+def test_without_a_datum_the_autopilots_origin_does_not_matter():
+    source = OdometryFromAutopilot()
+    source.origin(origin(1.0, 2.0), BOOT_S)
+    assert feed(source, 1000, x=1.0).position_N.tolist() == [1.0, 2.0, 3.0]
+
+
+def test_after_a_lost_attitude_positions_are_not_given_late():
+    source = OdometryFromAutopilot()
+    feed(source, 1000)
+    for boot_ms in (1050, 1100, 1150):
+        position = mavlink.MAVLink_local_position_ned_message(boot_ms, boot_ms, 0, 0, 0, 0, 0)
+        source.position(position, BOOT_S + boot_ms * 1e-3)  # the attitude of 1050 is lost
+        if boot_ms < 1100:
+            assert source.newest.position_N[0] == boot_ms
+            continue
+        attitude = mavlink.MAVLink_attitude_message(boot_ms, 0, 0, 0, 0, 0, 0)
+        source.attitude(attitude, BOOT_S + boot_ms * 1e-3)
+        assert source.newest.position_N[0] == boot_ms
+    assert len(source.take()) == 4
+
+
+def test_a_position_is_given_once_however_many_attitudes_come():
+    source = OdometryFromAutopilot()
+    feed(source, 1000)
+    for boot_ms in (1010, 1020, 1030):
+        attitude = mavlink.MAVLink_attitude_message(boot_ms, 0, 0, 0, 0, 0, 0)
+        source.attitude(attitude, BOOT_S + boot_ms * 1e-3)
+    assert len(source.take()) == 1
