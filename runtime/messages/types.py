@@ -81,6 +81,21 @@ class Engagement:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Strips:
+    """What single rows of beams see of the objects without a break, from end to end.
+
+    An object's centroid jumps when a part of it comes into sight; a strip that is seen again has
+    moved as the object has.
+    """
+
+    begin: NDArray[np.int64]
+    """[-] (K + 1,) Object k has the rows from begin[k] up to begin[k + 1]."""
+    rows_B: Float64
+    """[m, -] [B, levelled] (S, 4) Mean of the echoes, forward and starboard of the vessel's origin;
+    length from the first to the last; number."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Objects:
     """What perception found in one scan."""
 
@@ -92,6 +107,9 @@ class Objects:
     """[m] (K,) Largest horizontal distance of the object's points from its centre."""
     points: NDArray[np.int64]
     """[-] (K,) Number of points of each object."""
+    strips: Strips | None = None
+    """What is followed from scan to scan to measure velocities; None if not told. Not on the bus:
+    those who listen have the tracks."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,6 +12,7 @@
 
 #include "gather.hpp"
 #include "kernel.hpp"
+#include "shift.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -80,6 +81,37 @@ nb::ndarray<nb::numpy, double> objects(Kernel& kernel) {
   });
 }
 
+// The strips of the objects: (K + 1,) the row at which each object's begin, and (S, 4) the rows:
+// x, y, length, number of echoes.
+nb::tuple strips(Kernel& kernel) {
+  const std::vector<twinscrew::Strip>* found = nullptr;
+  {
+    const nb::gil_scoped_release release;
+    found = &kernel.strips();
+  }
+  const std::size_t circles = kernel.circles();
+  auto begins = make_array<std::int64_t>({circles + 1}, [&](std::int64_t* out) {
+    std::fill(out, out + circles + 1, 0);
+    for (const twinscrew::Strip& s : *found) ++out[s.circle + 1];
+    for (std::size_t i = 0; i < circles; ++i) out[i + 1] += out[i];
+  });
+  auto rows = make_array<double>({found->size(), 4}, [&](double* out) {
+    for (const twinscrew::Strip& s : *found) {
+      for (const double value : {s.x, s.y, s.length, static_cast<double>(s.count)}) *out++ = value;
+    }
+  });
+  return nb::make_tuple(begins, rows);
+}
+
+using StripRows = nb::ndarray<const double, nb::shape<-1, 4>, nb::c_contig, nb::device::cpu>;
+
+twinscrew::Shift find_shift(twinscrew::ShiftFinder& finder, StripRows before, StripRows after,
+                            const twinscrew::Pair2& guess, const twinscrew::Pair2& centre,
+                            double turn) {
+  if (!(turn > 0.0)) throw std::invalid_argument("ShiftFinder: turn must be positive");
+  return finder({before.data(), before.size()}, {after.data(), after.size()}, guess, centre, turn);
+}
+
 // An image of what `value(cell)` gives, and of `empty` where there is no echo.
 template <class T, class Value>
 nb::ndarray<nb::numpy, T> image_of(const Kernel& kernel, T empty, Value value) {
@@ -90,6 +122,28 @@ nb::ndarray<nb::numpy, T> image_of(const Kernel& kernel, T empty, Value value) {
     std::fill(out, out + image.size(), empty);
     image.each([&](std::size_t cell) { out[cell] = value(cell); });
   });
+}
+
+void bind_shift(nb::module_& m) {
+  using twinscrew::Shift;
+  nb::class_<Shift>(m, "Shift", "How far an object has moved.")
+      .def_ro("pairs", &Shift::pairs)
+      .def_ro("x", &Shift::x)
+      .def_ro("y", &Shift::y)
+      .def_ro("xx", &Shift::xx)
+      .def_ro("xy", &Shift::xy)
+      .def_ro("yy", &Shift::yy);
+  nb::class_<twinscrew::ShiftFinder>(m, "ShiftFinder", "Finds strips again in the next scan.")
+      .def(
+          "__init__",
+          [](twinscrew::ShiftFinder* self, double search, double length, double spacing,
+             double sigma, double ends, double robust, int pairs) {
+            new (self) twinscrew::ShiftFinder(
+                {search, length, spacing, sigma, ends, robust, std::max(pairs, 1)});
+          },
+          nb::kw_only(), "search"_a, "length"_a, "spacing"_a, "sigma"_a, "ends"_a, "robust"_a,
+          "pairs"_a)
+      .def("__call__", &find_shift, "before"_a, "after"_a, "guess"_a, "centre"_a, "turn"_a);
 }
 
 void bind_kernel(nb::module_& m) {
@@ -128,22 +182,24 @@ void bind_kernel(nb::module_& m) {
              double azimuth_step, int columns, bool wraps, const twinscrew::Gates& gates,
              double theta, double noise, int bridged, float reach, float merge_across,
              float merge_along,
-             const twinscrew::FootprintRule& footprint, int least_points, float longest, float piece) {
+             const twinscrew::FootprintRule& footprint, int least_points, float longest, float piece,
+             float strip_gap) {
             const twinscrew::Scanner scanner(elevations, first_azimuth, azimuth_step, columns,
                                              wraps);
             const twinscrew::CircleRules rules{least_points,   longest,        piece,
                                                gates.mask_hull, gates.hull_aft, gates.hull_fore};
             new (self) Kernel(scanner, gates, {theta, noise, bridged}, reach,
-                              {merge_across, merge_along}, footprint, rules);
+                              {merge_across, merge_along}, footprint, rules, strip_gap);
           },
           nb::kw_only(), "elevations"_a, "first_azimuth"_a, "azimuth_step"_a, "columns"_a,
           "wraps"_a, "gates"_a, "theta"_a, "noise"_a, "bridged"_a, "reach"_a, "merge_across"_a,
           "merge_along"_a, "footprint"_a,
-          "least_points"_a, "longest"_a, "piece"_a)
+          "least_points"_a, "longest"_a, "piece"_a, "strip_gap"_a = 0.3F)
       .def("project", &project, "points_S"_a, "intensity"_a.none(), "time"_a.none(), "R_BS"_a,
            "p_BS"_a, "R_LB"_a, "motion"_a.none())
       .def("segment", &Kernel::segment, nb::call_guard<nb::gil_scoped_release>())
       .def("objects", &objects)
+      .def("strips", &strips)
       .def("range_image",
            [](const Kernel& k) {
              return image_of<float>(k, 0.0F, [&](std::size_t c) { return k.image().range(c); });
@@ -170,4 +226,5 @@ NB_MODULE(_native, m) {
         nb::arg("points_S").noconvert(),
         "Copy float32 x, y, z records (forward-left-up) into points_S (forward-starboard-down).");
   bind_kernel(m);
+  bind_shift(m);
 }

@@ -11,13 +11,15 @@
 #include "range_image.hpp"
 #include "scanner.hpp"
 #include "segmentation.hpp"
+#include "strips.hpp"
 
 namespace twinscrew {
 
 class Kernel {
  public:
   Kernel(const Scanner& scanner, const Gates& gates, const Criterion& criterion, float reach,
-             const MergeRule& merge, const FootprintRule& footprint, const CircleRules& rules)
+             const MergeRule& merge, const FootprintRule& footprint, const CircleRules& rules,
+         float strip_gap)
       : scanner_(scanner),
         image_(scanner.rows(), scanner.columns()),
         projection_(scanner_, gates, Plane::of(reach, merge.across)),
@@ -25,7 +27,8 @@ class Kernel {
         patches_(Plane::of(reach, merge.across), merge, image_.size()),
         groups_(image_.size()),
         footprints_(footprint, image_.size()),
-        circles_(rules, image_.size()) {}
+        circles_(rules, image_.size()),
+        strips_({strip_gap, gates.range_max - strip_gap}, image_.size()) {}
   Kernel(const Kernel&) = delete;  // the stages refer to the scanner beside them
   Kernel& operator=(const Kernel&) = delete;
 
@@ -44,6 +47,13 @@ class Kernel {
     return circles_.circles();
   }
 
+  // Of the circles that `objects` found.
+  const std::vector<Strip>& strips() {
+    strips_(image_, scanner_.wraps(), [&](std::size_t cell) { return circle_of(cell); });
+    return strips_.strips();
+  }
+
+  std::size_t circles() const { return circles_.circles().size(); }
   const RangeImage& image() const { return image_; }
   const std::vector<std::int32_t>& labels() const { return segmentation_.labels(); }
   std::int32_t circle_of(std::size_t cell) const { return circles_.circle_of(patches_, cell); }
@@ -59,6 +69,7 @@ class Kernel {
   Groups groups_;
   Footprints footprints_;
   Circles circles_;
+  Strips strips_;
   std::int32_t components_ = 0;
 };
 

@@ -18,7 +18,7 @@ from twinscrew.runtime._native import Counts, FootprintRule, Gates, Kernel, Moti
 from twinscrew.runtime.errors import ConfigError, MessageError
 from twinscrew.runtime.geometry.frames import euler_from_quaternion, quaternion_from_euler
 from twinscrew.runtime.geometry.frames import rotation_from_quaternion as rotation
-from twinscrew.runtime.messages.types import Float32, Float64, Objects, PointCloud
+from twinscrew.runtime.messages.types import Float32, Float64, Objects, PointCloud, Strips
 from twinscrew.runtime.perception.sensor import Sensor
 from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings
 
@@ -83,6 +83,8 @@ class PerceptionSettings(Settings, frozen=True, kw_only=True):
     """[m] Longer objects become several circles; a WAM-V's diagonal is 5.6 m."""
     piece_m: Positive = 4.0
     """[m] Greatest length of the pieces of such an object."""
+    strip_gap_m: Positive = 0.3
+    """[m] Echoes side by side that are farther apart than this are not of one strip."""
     hull: HullSettings | None = HullSettings()
     """The own hull; none masks nothing."""
     water: WaterSettings | None = WaterSettings()
@@ -192,11 +194,13 @@ class Perception:
     def objects(self, stamp_ns: int = 0) -> Objects:
         """Merge the components into objects, and those into circles."""
         table = self._kernel.objects()
+        begin, rows_B = self._kernel.strips()
         return Objects(
             stamp_ns=stamp_ns,
             p_B=np.ascontiguousarray(table[:, :2]),
             radius=table[:, 2].copy(),
             points=table[:, 3].astype(np.int64),
+            strips=Strips(begin=begin, rows_B=rows_B),
         )
 
     def range_image(self) -> Float32:
@@ -252,6 +256,7 @@ def _make_kernel(sensor: Sensor, settings: PerceptionSettings) -> Kernel:
         least_points=settings.min_points,
         longest=settings.longest_m,
         piece=settings.piece_m,
+        strip_gap=settings.strip_gap_m,
     )
 
 

@@ -7,9 +7,12 @@ have their centres within one circle, so pieces that do belong together.
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
 
-from twinscrew.runtime.messages.types import Float64, Objects
+import numpy as np
+from numpy.typing import NDArray
+
+from twinscrew.runtime.messages.types import Float64, Objects, Strips
 
 
 def join_fragments(objects: Objects, p_B: Float64, radius: Float64) -> Objects:
@@ -36,12 +39,13 @@ def join_fragments(objects: Objects, p_B: Float64, radius: Float64) -> Objects:
     within = np.hypot(offset[..., 0], offset[..., 1]) <= radius[:, None]
     if (within.sum(axis=1) < 2).all():
         return objects
-    rows, free = [], np.ones(len(objects.p_B), dtype=bool)
+    groups, free = [], np.ones(len(objects.p_B), dtype=bool)
     for members in within:
         pieces = np.flatnonzero(members & free)
         if len(pieces) > 1:
-            rows.append(_joined(objects, pieces))
+            groups.append(pieces)
             free[pieces] = False
+    rows = [_joined(objects, pieces) for pieces in groups]
     kept = np.flatnonzero(free)
     rows += [(*objects.p_B[i], objects.radius[i], objects.points[i]) for i in kept]
     table = np.array(rows, dtype=np.float64).reshape(-1, 4)
@@ -50,12 +54,24 @@ def join_fragments(objects: Objects, p_B: Float64, radius: Float64) -> Objects:
         p_B=table[:, :2],
         radius=table[:, 2],
         points=table[:, 3].astype(np.int64),
+        strips=_regrouped(objects.strips, [*groups, *kept.reshape(-1, 1)]),
     )
 
 
-def _joined(
-    objects: Objects, pieces: np.ndarray[tuple[int], np.dtype[np.intp]]
-) -> tuple[float, float, float, float]:
+def _regrouped(strips: Strips | None, groups: Sequence[NDArray[np.intp]]) -> Strips | None:
+    """Give each group of objects the strips of its members."""
+    if strips is None:
+        return None
+    begin, end = strips.begin[:-1], strips.begin[1:]
+    rows = [np.arange(begin[i], end[i]) for members in groups for i in members]
+    counts = [int((end[members] - begin[members]).sum()) for members in groups]
+    return Strips(
+        begin=np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]),
+        rows_B=strips.rows_B[np.concatenate(rows)],
+    )
+
+
+def _joined(objects: Objects, pieces: NDArray[np.intp]) -> tuple[float, float, float, float]:
     """Give x, y, radius and points of pieces put together."""
     p, points = objects.p_B[pieces], objects.points[pieces]
     centre = points @ p / points.sum()

@@ -13,10 +13,14 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twinscrew.runtime.geometry.frames import rotation_2d
 from twinscrew.runtime.messages.types import Float64, Objects, Odometry
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
+from twinscrew.runtime.tracking.displacement import Sight
+
+NO_STRIPS = np.empty((0, 4))
 
 
 class MeasurementSettings(Settings, frozen=True, kw_only=True):
@@ -74,6 +78,8 @@ class Measurements:
     """[m] (K,)"""
     gate: Float64
     """[m2] (K,) Variance that the gate allows for jumps."""
+    sights: list[Sight]
+    """(K,) Their strips."""
 
 
 def measure(objects: Objects, odometry: Odometry, settings: MeasurementSettings) -> Measurements:
@@ -103,8 +109,24 @@ def measure(objects: Objects, odometry: Odometry, settings: MeasurementSettings)
     )
     R = variance[:, None, None] * np.eye(2)
     return Measurements(
-        z_N=z_N, H=observation_matrix(along), R=R, radius=radius, gate=(settings.jump * radius) ** 2
+        z_N=z_N,
+        H=observation_matrix(along),
+        R=R,
+        radius=radius,
+        gate=(settings.jump * radius) ** 2,
+        sights=_sights(objects, odometry.position_N[:2], R_NB, np.flatnonzero(finite)),
     )
+
+
+def _sights(objects: Objects, p_N: Float64, R_NB: Float64, kept: NDArray[np.intp]) -> list[Sight]:
+    """Give the strips of the objects that are kept, in N."""
+    strips = objects.strips
+    if strips is None:
+        return [Sight(objects.stamp_ns, NO_STRIPS)] * len(kept)
+    rows_N = strips.rows_B.copy()
+    rows_N[:, :2] = strips.rows_B[:, :2] @ R_NB.T + p_N
+    begin = strips.begin.tolist()
+    return [Sight(objects.stamp_ns, rows_N[begin[k] : begin[k + 1]]) for k in kept.tolist()]
 
 
 def depth(distance: Float64, radius: Float64, settings: MeasurementSettings) -> Float64:

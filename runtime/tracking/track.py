@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twinscrew.runtime.messages.types import Float64
+from twinscrew.runtime.tracking.displacement import MeasuredVelocity, Sight
 from twinscrew.runtime.tracking.light import kalman_filter
 from twinscrew.runtime.tracking.motion import STATES
 
@@ -15,13 +16,28 @@ if TYPE_CHECKING:
 else:
     KalmanFilter = kalman_filter()
 
+VELOCITY = np.eye(STATES)[2:4]
+"""H of a measured velocity, (2, 6)."""
+
 
 class Track:
     """What is known of one object."""
 
-    __slots__ = ("age_s", "confirmed", "filter", "hits", "id", "known_s", "radius", "scans")
+    __slots__ = (
+        "age_s",
+        "confirmed",
+        "filter",
+        "hits",
+        "id",
+        "known_s",
+        "radius",
+        "scans",
+        "sight",
+    )
 
-    def __init__(self, z_N: Float64, H: Float64, R: Float64, radius: float, prior: Float64) -> None:
+    def __init__(
+        self, z_N: Float64, H: Float64, R: Float64, radius: float, prior: Float64, sight: Sight
+    ) -> None:
         """Start from one measurement.
 
         Parameters
@@ -34,6 +50,8 @@ class Track:
             Its radius [m].
         prior : (6,) float64
             Variances of velocity [m2/s2] and bias [m2] before it was seen (position unused).
+        sight
+            Its strips.
         """
         self.filter: Any = KalmanFilter(dim_x=STATES, dim_z=2)
         self.filter.x = np.concatenate([z_N, np.zeros(STATES - 2)])
@@ -41,6 +59,7 @@ class Track:
         self.filter.inv = inverse_2x2
         self.id = -1
         self.radius = radius
+        self.sight = sight
         self.hits = self.scans = 1
         self.known_s = self.age_s = 0.0
         self.confirmed = False
@@ -73,6 +92,18 @@ class Track:
         self.filter.update(z_N, R=R, H=H)
         self.hits += 1
         self.age_s = 0.0
+
+    def update_velocity(self, measured: MeasuredVelocity, limit_sigma: float) -> None:
+        """Take in a velocity.
+
+        Strips can be mistaken for others. Beyond a Mahalanobis distance d > limit the noise is
+        taken to be so large that it would be on the limit: a few bad ones do little harm, and if
+        the filter was wrong it is told so again and again.
+        """
+        x, P = self.filter.x, self.filter.P
+        y, S = measured.v_N - x[2:4], P[2:4, 2:4] + measured.R
+        excess = float(y @ inverse_2x2(S) @ y) / limit_sigma**2 - 1.0
+        self.filter.update(measured.v_N, R=measured.R + max(0.0, excess) * S, H=VELOCITY)
 
 
 def first_covariance(H: Float64, R: Float64, prior: Float64) -> Float64:

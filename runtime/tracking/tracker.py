@@ -22,6 +22,7 @@ from twinscrew.runtime.messages.types import (
 )
 from twinscrew.runtime.settings import Positive, Settings
 from twinscrew.runtime.tracking.association import associate
+from twinscrew.runtime.tracking.displacement import Displacement, DisplacementSettings, Sight
 from twinscrew.runtime.tracking.fragments import join_fragments
 from twinscrew.runtime.tracking.life import LifeSettings, is_absorbed, is_born, lives
 from twinscrew.runtime.tracking.measurement import Measurements, MeasurementSettings, measure
@@ -35,6 +36,8 @@ class TrackerSettings(Settings, frozen=True, kw_only=True):
 
     measurement: MeasurementSettings = MeasurementSettings()
     """How the visible centroid relates to the centre."""
+    displacement: DisplacementSettings = DisplacementSettings()
+    """How velocities are measured from scan to scan."""
     radius: RadiusSettings = RadiusSettings()
     """How the radius is smoothed."""
     acceleration_psd: Positive = 1.0
@@ -58,6 +61,7 @@ class Tracker:
 
     def __init__(self, settings: TrackerSettings | None = None) -> None:
         self.settings = settings or TrackerSettings()
+        self._displacement = Displacement(self.settings.displacement)
         self._next_id = 0
         self.reset()
 
@@ -139,6 +143,7 @@ class Tracker:
         limit2 = self.settings.measurement.jump_sigma**2
         for i, j, distance2 in found.pairs:
             track = self._tracks[i]
+            self._measure_velocity(track, measured.sights[j])
             excess = distance2 / limit2 - 1.0
             track.update(measured.z_N[j], measured.H[j], measured.R[j], excess)
             track.radius = smoothed_radius(
@@ -148,12 +153,21 @@ class Tracker:
         for j in found.new:
             self._tracks.append(self._born(measured, j))
 
+    def _measure_velocity(self, track: Track, sight: Sight) -> None:
+        """Let a track's strips say how fast it went since it was last seen."""
+        x = track.filter.x
+        velocity = self._displacement.measure(track.sight, sight, x[2:4], x[:2])
+        if velocity is not None:
+            track.update_velocity(velocity, self.settings.displacement.limit_sigma)
+        track.sight = sight
+
     def _born(self, measured: Measurements, j: int) -> Track:
         settings = self.settings
         radius = float(measured.radius[j])
         along, across = settings.measurement.bias_along, settings.measurement.bias_across
         sigma = np.array([0, 0, *2 * [settings.first_speed_mps], along * radius, across * radius])
-        track = Track(measured.z_N[j], measured.H[j], measured.R[j], radius, sigma**2)
+        z_N, H, R, sight = measured.z_N[j], measured.H[j], measured.R[j], measured.sights[j]
+        track = Track(z_N, H, R, radius, sigma**2, sight)
         self._confirm(track)
         return track
 

@@ -47,8 +47,8 @@ Kernel& kernel(std::uint8_t which) {
   const FootprintRule footprint{5.5F, 2.9F, 2.2F, 2.2F, 1};
   const Criterion criterion{1.0471975, 0.04, 2};
   const MergeRule merge{0.6F, 0.9F};
-  static Kernel one(round, gates, criterion, 23.0F, merge, footprint, rules);
-  static Kernel two(sector, gates, criterion, 23.0F, merge, footprint, rules);
+  static Kernel one(round, gates, criterion, 23.0F, merge, footprint, rules, 0.3F);
+  static Kernel two(sector, gates, criterion, 23.0F, merge, footprint, rules, 0.3F);
   return which % 2 == 0 ? one : two;
 }
 
@@ -74,5 +74,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   std::int64_t held = 0;
   for (const Circle& circle : k.objects()) held += circle.count;
   if (held != c.used) __builtin_trap();  // every echo is in one circle: one point is enough
+  std::int64_t in_strips = 0;
+  for (const Strip& strip : k.strips()) {
+    in_strips += strip.count;
+    if (strip.circle < 0 || static_cast<std::size_t>(strip.circle) >= k.circles()) __builtin_trap();
+  }
+  if (in_strips > c.used) __builtin_trap();
   return 0;
 }

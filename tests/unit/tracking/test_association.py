@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from twinscrew.runtime.tracking.association import associate, innovations
-from twinscrew.runtime.tracking.measurement import Measurements, observation_matrix
+from twinscrew.runtime.tracking.displacement import Sight
+from twinscrew.runtime.tracking.measurement import NO_STRIPS, Measurements, observation_matrix
 
 
 def tracks(*p_N, variance=0.1):
@@ -23,6 +24,7 @@ def measured(*z_N, gate=0.0):
         R=np.tile(0.01 * np.eye(2), (count, 1, 1)),
         radius=np.ones(count),
         gate=np.full(count, gate),
+        sights=[Sight(0, NO_STRIPS)] * count,
     )
 
 

@@ -1,9 +1,11 @@
 """Pieces of one hull become one object; two objects stay two."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from twinscrew.runtime.messages.types import Objects
+from twinscrew.runtime.messages.types import Objects, Strips
 from twinscrew.runtime.tracking.fragments import join_fragments
 
 
@@ -53,3 +55,15 @@ def test_a_piece_belongs_to_the_older_track_only():
     whole = join(seen, (10.4, 0, 1.0), (11.6, 0, 1.0))
     assert len(whole.p_B) == 2
     assert whole.points.tolist() == [200, 100]
+
+
+def test_strips_go_where_their_objects_go():
+    seen = replace(
+        objects((3, 3, 0.7, 50), (10, -1, 0.5, 300), (10, 1, 0.6, 100)),
+        strips=Strips(
+            begin=np.array([0, 1, 3, 4]), rows_B=np.arange(16, dtype=np.float64).reshape(4, 4)
+        ),
+    )
+    whole = join(seen, (10, 0, 2.5))
+    assert whole.strips.begin.tolist() == [0, 3, 4]
+    assert whole.strips.rows_B[:, 0].tolist() == [4.0, 8.0, 12.0, 0.0]

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from twinscrew.runtime.tracking.measurement import observation_matrix
+from twinscrew.runtime.tracking.displacement import MeasuredVelocity, Sight
+from twinscrew.runtime.tracking.measurement import NO_STRIPS, observation_matrix
 from twinscrew.runtime.tracking.track import Track, first_covariance, inverse_2x2
 
 H = observation_matrix(np.array([[0.6, 0.8]]))[0]
@@ -12,7 +13,7 @@ PRIOR = np.array([0.0, 0.0, 4.0, 4.0, 0.09, 0.04])
 
 
 def track():
-    return Track(np.array([5.0, 6.0]), H, R, 2.0, PRIOR)
+    return Track(np.array([5.0, 6.0]), H, R, 2.0, PRIOR, Sight(0, NO_STRIPS))
 
 
 def test_the_first_covariance_is_the_limit_of_a_vague_prior():
@@ -67,3 +68,29 @@ def test_the_excess_brings_the_innovation_to_the_limit():
     distance2 = float(y @ np.linalg.solve(S, y))
     one.update(z, H, R, excess=distance2 / 2.0**2 - 1.0)
     assert one.filter.mahalanobis == pytest.approx(2.0)
+
+
+def test_a_velocity_is_taken_in():
+    one = track()
+    one.update_velocity(MeasuredVelocity(np.array([1.0, -2.0]), 1e-4 * np.eye(2)), 10.0)
+    assert one.filter.x[2:4] == pytest.approx([1.0, -2.0], abs=1e-3)
+
+
+def test_a_velocity_that_cannot_be_does_less_harm_the_farther_off_it_is():
+    def after(speed):
+        one = track()
+        for _ in range(10):
+            one.update_velocity(MeasuredVelocity(np.zeros(2), 0.01 * np.eye(2)), 2.0)
+        one.update_velocity(MeasuredVelocity(np.array([speed, 0.0]), 0.01 * np.eye(2)), 2.0)
+        return one.filter.x[2]
+
+    assert 0.0 < after(100.0) < after(10.0) < after(1.0) < 0.1
+
+
+def test_a_velocity_that_is_told_again_and_again_is_believed():
+    one = track()
+    for speed, times in ((0.0, 20), (3.0, 30)):
+        for _ in range(times):
+            one.predict(0.1, np.eye(6), 0.1 * np.diag([0, 0, 0.5, 0.5, 0, 0]))
+            one.update_velocity(MeasuredVelocity(np.array([speed, 0.0]), 0.02 * np.eye(2)), 2.0)
+    assert one.filter.x[2] == pytest.approx(3.0, abs=0.1)

@@ -1,0 +1,129 @@
+// Strips: what one row of beams sees of one object without a break.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "range_image.hpp"
+
+namespace twinscrew {
+
+struct Strip {
+  std::int32_t circle;  // the object's
+  std::int32_t count;   // [-] echoes
+  double x, y;          // [m] their mean, levelled frame B
+  double length;        // [m] from the first to the last
+};
+
+struct StripRules {
+  float gap = 0.3F;  // [m] echoes farther apart are not of one strip
+  float far = 0.0F;  // [m] a strip that ends at this range may go on where nothing is looked at
+};
+
+// A strip both of whose ends are the object's own: such a strip goes where the object goes.
+class Strips {
+ public:
+  Strips(const StripRules& rules, std::size_t cells) : rules_(rules) {
+    strips_.reserve(cells / 2);
+    row_.reserve(cells);
+  }
+
+  // circle_of(cell): the circle of an occupied cell, or -1 if it has none.
+  template <class CircleOf>
+  void operator()(const RangeImage& image, bool wraps, CircleOf circle_of) {
+    strips_.clear();
+    for (int row = 0; row < image.rows(); ++row) {
+      row_.clear();
+      image.each_in_row(row, [&](int column, std::size_t cell) {
+        const Echo& echo = image.echo(cell);
+        take({echo.x, echo.y, image.range(cell), circle_of(cell), column});
+      });
+      if (wraps && row_.size() > 1) close_seam(image.columns());
+      for (const Piece& piece : row_) keep(piece);
+    }
+    std::sort(strips_.begin(), strips_.end(), before);
+  }
+
+  // Those of one circle side by side, circles in order.
+  const std::vector<Strip>& strips() const { return strips_; }
+
+ private:
+  struct End {
+    float x, y, range;
+    std::int32_t circle;
+    int column;
+  };
+  struct Piece {
+    End first, last;
+    double x_sum, y_sum;
+    std::int32_t count;
+    bool whole;
+  };
+
+  static float length(const End& a, const End& b) { return std::hypot(b.x - a.x, b.y - a.y); }
+
+  bool one(const End& a, const End& b) const {
+    return a.circle == b.circle && length(a, b) < rules_.gap;
+  }
+
+  // Does what stands beside b, `apart` columns off, hide where b's strip would go on?
+  bool hides(const End& a, const End& b, int apart) const {
+    return apart <= 2 && a.circle != b.circle && a.range < b.range + rules_.gap;
+  }
+
+  void take(const End& here) {
+    if (!row_.empty()) {
+      Piece& piece = row_.back();
+      if (one(piece.last, here)) {
+        piece.last = here;
+        piece.x_sum += here.x;
+        piece.y_sum += here.y;
+        ++piece.count;
+        return;
+      }
+      piece.whole = piece.whole && !hides(here, piece.last, here.column - piece.last.column);
+    }
+    const bool whole = row_.empty() ||
+                       !hides(row_.back().last, here, here.column - row_.back().last.column);
+    row_.push_back({here, here, here.x, here.y, 1, whole});
+  }
+
+  // The last column of a full turn is beside the first.
+  void close_seam(int columns) {
+    Piece &begin = row_.front(), &end = row_.back();
+    const int apart = begin.first.column + columns - end.last.column;
+    if (!one(end.last, begin.first)) {
+      end.whole = end.whole && !hides(begin.first, end.last, apart);
+      begin.whole = begin.whole && !hides(end.last, begin.first, apart);
+      return;
+    }
+    end.last = begin.last;
+    end.x_sum += begin.x_sum;
+    end.y_sum += begin.y_sum;
+    end.count += begin.count;
+    end.whole = end.whole && begin.whole;
+    begin.whole = false;
+  }
+
+  void keep(const Piece& piece) {
+    if (!piece.whole || piece.count < 2 || piece.first.circle < 0) return;
+    if (std::max(piece.first.range, piece.last.range) > rules_.far) return;
+    strips_.push_back({piece.first.circle, piece.count, piece.x_sum / piece.count,
+                       piece.y_sum / piece.count, length(piece.first, piece.last)});
+  }
+
+  // A total order: the answer does not depend on the sort.
+  static bool before(const Strip& a, const Strip& b) {
+    if (a.circle != b.circle) return a.circle < b.circle;
+    if (a.x != b.x) return a.x < b.x;
+    return a.y != b.y ? a.y < b.y : a.length < b.length;
+  }
+
+  StripRules rules_;
+  std::vector<Piece> row_;
+  std::vector<Strip> strips_;
+};
+
+}  // namespace twinscrew
