@@ -47,6 +47,16 @@ inline Float4 square_root(Float4 v) {
 #endif
 }
 
+// The lanes of a condition (0 or -1) as bits, the first lane's lowest.
+inline unsigned bits(Int4 condition) {
+#if defined(__SSE2__)
+  return static_cast<unsigned>(_mm_movemask_ps(reinterpret_cast<__m128>(condition)));
+#else
+  const Int4 own = condition & Int4{1, 2, 4, 8};
+  return static_cast<unsigned>(own[0] | own[1] | own[2] | own[3]);
+#endif
+}
+
 // The azimuth of (x, y), within 3e-6 rad: a minimax polynomial of atan on [0, 1] and three
 // reflections. (0, 0) gives 0.
 inline Float4 fast_atan2(Float4 y, Float4 x) {

@@ -17,17 +17,21 @@ struct Echo {
 // Occupancy is one bit a cell: clearing and walking cost only what is there.
 class RangeImage {
  public:
+  static constexpr int WORD = 64;    // columns to a word
+  static constexpr int MARGIN = 64;  // cells that may be read before the first; WORD after the last
+
   RangeImage(int rows, int columns)
       : rows_(rows),
         columns_(columns),
-        words_((static_cast<std::size_t>(columns) + 63) / 64),
+        words_((static_cast<std::size_t>(columns) + WORD - 1) / WORD),
         occupied_(static_cast<std::size_t>(rows) * words_),
-        range_(static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns)),
-        echo_(range_.size()) {}
+        echo_(static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns)),
+        range_(MARGIN + echo_.size() + WORD) {}
 
   int rows() const { return rows_; }
   int columns() const { return columns_; }
-  std::size_t size() const { return range_.size(); }
+  std::size_t size() const { return echo_.size(); }
+  std::size_t words() const { return words_; }
 
   void clear() { std::fill(occupied_.begin(), occupied_.end(), 0); }
 
@@ -44,23 +48,45 @@ class RangeImage {
   bool put(int row, int column, float range, const Echo& echo) {
     const std::size_t at = cell(row, column);
     const bool empty = !occupied(row, column);
-    if (empty || range < range_[at]) {
+    if (empty || range < range_[MARGIN + at]) {
       word(row, column) |= std::uint64_t{1} << (static_cast<unsigned>(column) % 64);
-      range_[at] = range;
+      range_[MARGIN + at] = range;
       echo_[at] = echo;
     }
     return empty;
   }
 
-  const float* ranges() const { return range_.data(); }
-  float range(std::size_t cell) const { return range_[cell]; }
+  // Of all cells; what was not put there in this scan is of no meaning.
+  const float* ranges() const { return range_.data() + MARGIN; }
+  float range(std::size_t cell) const { return range_[MARGIN + cell]; }
   const Echo& echo(std::size_t cell) const { return echo_[cell]; }
+
+  // The occupancy of a row, a bit a column, the first column's lowest.
+  const std::uint64_t* row_words(int row) const {
+    return &occupied_[static_cast<std::size_t>(row) * words_];
+  }
+
+  // The first and the last occupied column of a row, -1 if there is none.
+  int first_in_row(int row) const {
+    const std::uint64_t* const words = row_words(row);
+    for (std::size_t w = 0; w < words_; ++w) {
+      if (words[w] != 0) return static_cast<int>(w * WORD) + std::countr_zero(words[w]);
+    }
+    return -1;
+  }
+  int last_in_row(int row) const {
+    const std::uint64_t* const words = row_words(row);
+    for (std::size_t w = words_; w-- > 0;) {
+      if (words[w] != 0) return static_cast<int>(w * WORD) + std::bit_width(words[w]) - 1;
+    }
+    return -1;
+  }
 
   // Calls visit(column, cell) for the occupied cells of a row, from left to right.
   template <class Visit>
   void each_in_row(int row, Visit visit) const {
     const std::size_t count = words_, begin = cell(row, 0);
-    const std::uint64_t* const words = &occupied_[static_cast<std::size_t>(row) * count];
+    const std::uint64_t* const words = row_words(row);
     for (std::size_t w = 0; w < count; ++w) {
       for (std::uint64_t bits = words[w]; bits != 0; bits &= bits - 1) {
         const int column = static_cast<int>(w * 64) + std::countr_zero(bits);
@@ -88,8 +114,8 @@ class RangeImage {
   int rows_, columns_;
   std::size_t words_;
   std::vector<std::uint64_t> occupied_;
-  std::vector<float> range_;
   std::vector<Echo> echo_;
+  std::vector<float> range_;  // with its margins
 };
 
 }  // namespace twinscrew

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <vector>
 
+#include "lanes.hpp"
 #include "range_image.hpp"
 #include "scanner.hpp"
 #include "union_find.hpp"
@@ -23,14 +25,16 @@ struct Criterion {
 //     d1 < k d2,   k = cos a + sin a / tan theta,
 // so one k for each pair of neighbouring directions holds all the trigonometry. The noise floor
 // is added on the right.
+//
+// Links are bits, 64 columns to a word: bit c of a word says that column c is linked to the nearest
+// echo on its left, or below it. What is nearest follows from the occupancy alone.
 class Segmentation {
  public:
   Segmentation(const Scanner& scanner, const Criterion& criterion)
       : noise_(static_cast<float>(criterion.noise)),
-        reach_(criterion.bridged + 1),
+        reach_(std::min(criterion.bridged, RangeImage::MARGIN - 2) + 1),
         along_(static_cast<std::size_t>(scanner.rows() * reach_)),
         across_(along_.size()),
-        below_(static_cast<std::size_t>(scanner.columns())),
         label_(static_cast<std::size_t>(scanner.rows()) *
                static_cast<std::size_t>(scanner.columns())) {
     const auto& e = scanner.elevations();
@@ -52,14 +56,22 @@ class Segmentation {
   // Gives every occupied cell a label, 0, 1, .. in order of a component's first cell.
   std::int32_t operator()(const RangeImage& image, bool wraps) {
     runs_.clear();
-    std::fill(below_.begin(), below_.end(), NONE);
-    for (int row = 0; row < image.rows(); ++row) link_row(image, row, wraps);
-    return number_components(image);
+    starts_.resize(static_cast<std::size_t>(image.rows()) * image.words());
+    first_run_.resize(starts_.size());
+    for (int row = 0; row < image.rows(); ++row) {
+      find_runs(image, row);
+      for (int gap = 1; gap <= std::min(reach_, row); ++gap) unite_with(image, row, gap);
+      if (wraps) close(image, row);
+    }
+    const std::int32_t components = number_components();
+    write_labels(image);
+    return components;
   }
 
   const std::vector<std::int32_t>& labels() const { return label_; }
 
  private:
+  using Word = std::uint64_t;
   static constexpr std::int32_t NONE = -1;
 
   static float k(double angle, double theta) {
@@ -70,61 +82,102 @@ class Segmentation {
     return static_cast<std::size_t>(row * reach_ + gap - 1);
   }
 
-  static bool linked(float p, float q, float k, float noise) {
+  bool linked(float p, float q, float k) const {
     const float far = p < q ? q : p, near = p < q ? p : q;
-    return far < k * near + noise;
+    return far < k * near + noise_;
   }
 
-  void link_row(const RangeImage& image, int row, bool wraps) {
-    // Copies, which no store below can change: the loop keeps them in registers.
-    const float* const along = &along_[index(row, 1)];
-    const float* const across = &across_[index(row, 1)];
-    const float* const ranges = image.ranges();
-    std::int32_t* const labels = label_.data();
-    std::int32_t* const below_row = below_.data();
-    const float noise = noise_;
-    const int reach = reach_;
-    const auto columns = static_cast<std::size_t>(image.columns());
-    int first = -1, last = -1;
-    std::size_t first_cell = 0, last_cell = 0;
-    std::int32_t run = NONE, united_with = NONE;
-    image.each_in_row(row, [&](int column, std::size_t cell) {
-      const float range = ranges[cell];
-      const int gap = column - last;
-      const bool joined = last >= 0 && gap <= reach &&
-                          linked(range, ranges[last_cell], along[gap - 1], noise);
-      if (!joined) {
-        run = runs_.add();
-        united_with = NONE;
+  // Which of the 64 cells from p on are linked to the cell in the same place from q on.
+  static Word linked(const float* p, const float* q, Word candidates, float k, float noise) {
+    Word links = 0;
+    for (unsigned lane = 0; lane < RangeImage::WORD; lane += LANES) {
+      if (((candidates >> lane) & 15U) == 0) continue;
+      const Float4 a = load(p + lane), b = load(q + lane);
+      const Int4 less = a < b;
+      const Int4 link = select(less, b, a) < select(less, a, b) * k + noise;
+      links |= Word{bits(link)} << lane;
+    }
+    return links & candidates;
+  }
+
+  // Splits a row into runs of echoes linked to each other; the first of each starts it.
+  void find_runs(const RangeImage& image, int row) {
+    const Word* const occupied = image.row_words(row);
+    const float* const ranges = image.ranges() + image.cell(row, 0);
+    Word before = 0;  // the word on the left
+    for (std::size_t w = 0; w < image.words(); ++w) {
+      const Word here = occupied[w];
+      Word joined = 0, empty = ~Word{0};  // empty: no echo yet between a column and `gap` before it
+      for (int gap = 1; here != 0 && gap <= reach_; ++gap) {
+        const Word left = here << gap | before >> (RangeImage::WORD - static_cast<unsigned>(gap));
+        const Word candidates = here & left & empty;
+        empty &= ~left;
+        if (candidates == 0) continue;
+        const float* const p = ranges + w * RangeImage::WORD;
+        joined |= linked(p, p - gap, candidates, along_[index(row, gap)], noise_);
       }
-      labels[cell] = run;
-      std::int32_t& below = below_row[static_cast<std::size_t>(column)];
-      if (below != NONE) {
-        const auto under = static_cast<std::size_t>(below);
-        const auto rise = static_cast<int>((cell - under) / columns);
-        if (rise <= reach && labels[under] != united_with &&
-            linked(range, ranges[under], across[rise - 1], noise)) {
-          united_with = labels[under];
-          runs_.unite(run, united_with);
-        }
-      }
-      below = static_cast<std::int32_t>(cell);
-      if (first < 0) {
-        first = column;
-        first_cell = cell;
-      }
-      last = column;
-      last_cell = cell;
-    });
-    if (!wraps || first < 0) return;
-    const int gap = first + image.columns() - last;
-    if (gap <= reach_ && first != last &&
-        linked(ranges[first_cell], ranges[last_cell], along[gap - 1], noise)) {
-      runs_.unite(label_[first_cell], label_[last_cell]);
+      before = here;
+      const std::size_t at = static_cast<std::size_t>(row) * image.words() + w;
+      starts_[at] = here & ~joined;
+      first_run_[at] = static_cast<std::int32_t>(runs_.size());
+      runs_.add(std::popcount(starts_[at]));
     }
   }
 
-  std::int32_t number_components(const RangeImage& image) {
+  // Unites the runs of a row with those `gap` rows lower, where there is no echo between.
+  void unite_with(const RangeImage& image, int row, int gap) {
+    const std::size_t words = image.words();
+    const auto under = static_cast<std::size_t>(gap) * words;
+    const Word* const occupied = image.row_words(row);
+    const float* const ranges = image.ranges() + image.cell(row, 0);
+    const float* const lower = image.ranges() + image.cell(row - gap, 0);
+    const float factor = across_[index(row, gap)];
+    Word carry = 0;  // the last link of the word on the left
+    for (std::size_t w = 0; w < words; ++w) {
+      Word candidates = occupied[w] & image.row_words(row - gap)[w];
+      for (int between = 1; between < gap; ++between) {
+        candidates &= ~image.row_words(row - between)[w];
+      }
+      if (candidates == 0) {
+        carry = 0;
+        continue;
+      }
+      const std::size_t at = static_cast<std::size_t>(row) * words + w;
+      const std::size_t column = w * RangeImage::WORD;
+      const Word links = linked(ranges + column, lower + column, candidates, factor, noise_);
+      // A link says nothing new if the one on its left joins the same two runs.
+      Word news = links & (~(links << 1 | carry) | starts_[at] | starts_[at - under]);
+      carry = links >> (RangeImage::WORD - 1);
+      for (; news != 0; news &= news - 1) {
+        const int bit = std::countr_zero(news);
+        runs_.unite(run(at, bit), run(at - under, bit));
+      }
+    }
+  }
+
+  // Unites a row's last run with its first one, if the image's ends are neighbours.
+  void close(const RangeImage& image, int row) {
+    const int first = image.first_in_row(row), last = image.last_in_row(row);
+    const int gap = first + image.columns() - last;
+    if (first < 0 || first == last || gap > reach_) return;
+    const float p = image.range(image.cell(row, first)), q = image.range(image.cell(row, last));
+    if (!linked(p, q, along_[index(row, gap)])) return;
+    runs_.unite(run_at(image, row, first), run_at(image, row, last));
+  }
+
+  std::int32_t run_at(const RangeImage& image, int row, int column) const {
+    const auto c = static_cast<unsigned>(column);
+    return run(static_cast<std::size_t>(row) * image.words() + c / RangeImage::WORD,
+               static_cast<int>(c % RangeImage::WORD));
+  }
+
+  // The run of an occupied cell.
+  std::int32_t run(std::size_t word, int bit) const {
+    const Word up_to = (Word{2} << bit) - 1;
+    return first_run_[word] + std::popcount(starts_[word] & up_to) - 1;
+  }
+
+  std::int32_t number_components() {
     compact_.assign(runs_.size(), NONE);
     std::int32_t components = 0;
     for (std::size_t run = 0; run < runs_.size(); ++run) {
@@ -132,16 +185,40 @@ class Segmentation {
       const auto root = static_cast<std::size_t>(runs_.find(static_cast<std::int32_t>(run)));
       compact_[run] = root == run ? components++ : compact_[root];
     }
-    std::int32_t* const labels = label_.data();
-    const std::int32_t* const compact = compact_.data();
-    image.each([=](std::size_t cell) { labels[cell] = compact[labels[cell]]; });
     return components;
+  }
+
+  // All cells from a run's first up to the next run's get its label; only occupied ones are read.
+  void write_labels(const RangeImage& image) {
+    for (int row = 0; row < image.rows(); ++row) {
+      const Word* const occupied = image.row_words(row);
+      for (std::size_t w = 0; w < image.words(); ++w) {
+        if (occupied[w] == 0) continue;
+        const std::size_t at = static_cast<std::size_t>(row) * image.words() + w;
+        std::int32_t* const labels = &label_[image.cell(row, 0) + w * RangeImage::WORD];
+        std::int32_t run = first_run_[at] - 1;  // the one that reaches into this word, if any does
+        std::ptrdiff_t from = 0;
+        for (Word starts = starts_[at]; starts != 0; starts &= starts - 1) {
+          const std::ptrdiff_t to = std::countr_zero(starts);
+          if (to > from) std::fill(labels + from, labels + to, label_of(run));
+          ++run;
+          from = to;
+        }
+        const std::ptrdiff_t end = RangeImage::WORD - std::countl_zero(occupied[w]);
+        std::fill(labels + from, labels + end, label_of(run));
+      }
+    }
+  }
+
+  std::int32_t label_of(std::int32_t run) const {
+    return run < 0 ? NONE : compact_[static_cast<std::size_t>(run)];
   }
 
   float noise_;
   int reach_;
-  std::vector<float> along_, across_;  // k, one for each row and gap
-  std::vector<std::int32_t> below_;    // the last occupied cell of each column
+  std::vector<float> along_, across_;    // k, one for each row and gap
+  std::vector<Word> starts_;             // of each word of the image: where runs start
+  std::vector<std::int32_t> first_run_;  // of each word: the number of its first start
   std::vector<std::int32_t> label_;
   std::vector<std::int32_t> compact_;
   UnionFind runs_;

@@ -20,6 +20,10 @@ class UnionFind {
     return parent_.back();
   }
 
+  void add(int count) {
+    for (int i = 0; i < count; ++i) add();
+  }
+
   std::int32_t find(std::int32_t a) {
     while (at(a) != a) a = at(a) = at(at(a));
     return a;
