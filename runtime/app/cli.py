@@ -10,6 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
 from typing import Any, NoReturn
 
 import typer
@@ -21,6 +22,7 @@ GROUP = "twinscrew.commands"
 USAGE_ERROR = 2
 SUMMARIES = {
     "sitl": "Sail simulated vessels with the real runtime, sensors to thrust.",
+    "view": "Show boats in a browser on this machine: under way, or from a recording.",
     "run": "Run one vessel's runtime: what is deployed on the boat.",
     "train": "Train policies in the fast environment.",
     "export": "Turn a training run's actor into a self-contained ONNX file.",
@@ -74,7 +76,14 @@ def _no_options() -> None: ...
 
 
 def _installed() -> dict[str, EntryPoint]:
-    return {entry.name: entry for entry in entry_points(group=GROUP)}
+    """Find the commands; a boat's wheel names the simulator's too, but has no such folder."""
+    return {entry.name: entry for entry in entry_points(group=GROUP) if _is_here(entry)}
+
+
+def _is_here(entry: EntryPoint) -> bool:
+    package, _, rest = entry.module.partition(".")
+    folder = rest.partition(".")[0]
+    return package != "twinscrew" or find_spec(f"{package}.{folder}") is not None
 
 
 def _help_of_all_is_wanted() -> bool:
