@@ -78,6 +78,8 @@ def sitl(
     made = _with_limit(load_scenario(scenario, vessels, buoys, seed), max_time)
     folder = _new_folder(out)
     write_scene(folder, made)
+    if ardupilot_binary is not None and autopilot is not AutopilotKind.ARDUPILOT:
+        raise ConfigError("only with --autopilot ardupilot", key="--ardupilot-binary")
     settings = SitlSettings(
         policy=policy,
         seed=seed,

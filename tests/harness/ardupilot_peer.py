@@ -77,13 +77,18 @@ class Peer:
     pilot: RoverAutopilot | None = None
 
     def __init__(
-        self, instance: int, parameters: Path, home: str, rate_hz: int, arming_s: float
+        self,
+        instance: int,
+        parameters: Path,
+        wrong: dict[str, float],
+        home: str,
+        rate_hz: int,
+        arming_s: float,
     ) -> None:
-        values = read_parm(parameters)
+        values = read_parm(parameters) | wrong
         system_id = int(values["SYSID_THISMAV"])
         known = Parameters(system_id, {})
-        changes = {n: v for n, v in values.items() if known.get(n, np.nan) not in (v, np.nan)}
-        changes = {n: v for n, v in changes.items() if not np.isnan(known.get(n, np.nan))}
+        changes = {n: v for n, v in values.items() if math.isfinite(known.get(n, math.nan))}
         self.rate_hz = rate_hz
         self.count = 0
         self.time_s = 0.0
@@ -171,9 +176,11 @@ def main() -> None:
     if "--home" in given:  # its value begins with a minus, which argparse takes for an option
         at = given.index("--home")
         given[at : at + 2] = [f"--home={given[at + 1]}"]
+    parser.add_argument("--wrong", action="append", default=[], help="NAME=VALUE")
     words = parser.parse_args(given)
+    wrong = {name: float(value) for name, value in (word.split("=") for word in words.wrong)}
     assert words.model == "JSON:127.0.0.1"
-    peer = Peer(words.instance, words.defaults, words.home, words.rate, words.arming_delay)
+    peer = Peer(words.instance, words.defaults, wrong, words.home, words.rate, words.arming_delay)
     print(f"instance {words.instance}: a companion is here", flush=True)
     while True:
         try:
