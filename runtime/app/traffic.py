@@ -11,8 +11,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from twinscrew.runtime.app.checks import Finding, Verdict
-from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
-from twinscrew.runtime.app.session import INPUTS
+from twinscrew.runtime.app.config import RuntimeConfig, autopilot_of, sensor_of
+from twinscrew.runtime.app.session import inputs_of
 from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import MessageError
@@ -37,9 +37,10 @@ def listen(config: RuntimeConfig, seconds: float) -> list[Finding]:
     counts: Counter[str] = Counter()
     newest: dict[str, bytes] = {}
     transport = open_transport(config.autopilot.connection)
-    link = AutopilotLink(replace(config.autopilot, arm=False, ask_manual=AskManual.NEVER))
+    own = config.odometry_source == "autopilot"
+    link = AutopilotLink(replace(autopilot_of(config), arm=False, ask_manual=AskManual.NEVER))
     try:
-        inbox.listen(bus, INPUTS)
+        inbox.listen(bus, inputs_of(config))
         until_s = time.monotonic() + seconds
         while time.monotonic() < until_s:
             for message in inbox.wait(0.05):
@@ -47,6 +48,9 @@ def listen(config: RuntimeConfig, seconds: float) -> list[Finding]:
                 newest[message.topic] = message.payload
             now_s = time.monotonic()
             link.receive(transport.receive(), now_s)
+            for odometry in link.take_odometry() if own else ():
+                counts["odometry"] += 1
+                newest["odometry"] = cdr.encode_odometry(odometry)
             transport.send(link.command(None, now_s) + link.tick(now_s))
     finally:
         bus.close()

@@ -76,6 +76,7 @@ def sail(binary: Path, out: Path, *words: object):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("odometry", ["bus", "autopilot"])
 def test_two_vessels_sail_on_their_ardupilots_and_arrive(ardurover, odometry, tmp_path) -> None:
     words = ("--vessels", 2, "--buoys", 1, "--seed", 1, "--odometry", odometry)
