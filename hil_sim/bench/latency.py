@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from twinscrew.hil_sim.bench.numpy_segmentation import labels as numpy_labels
 from twinscrew.hil_sim.bench.scenes import basin, open_water
 from twinscrew.hil_sim.bench.timing import Stopwatch, garbage_at_rest
 from twinscrew.runtime.app.assemble import make_controller
@@ -17,6 +18,7 @@ from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Engagement, Odometry, PointCloud
 from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.policy.observation import observe
 
 SCANS = 2000
@@ -30,12 +32,36 @@ CONFIG = RuntimeConfig(
 )
 
 
+Scans = list[tuple[PointCloud, Odometry]]
+"""Scans, with the odometry of each."""
+
+
 def run() -> dict[str, Any]:
-    """Measure: {"latency": {density: {stage: {"p50_ms", "p99_ms", "max_ms"}}}}."""
-    return {"latency": {name: _measure(scans) for name, scans in clouds().items()}}
+    """Measure: {"latency": {density: {stage: {"p50_ms", "p99_ms", "max_ms"}}}, "ratio": ..}."""
+    scans = clouds()
+    latency = {name: _measure(some) for name, some in scans.items()}
+    ratios = {name: segment_ratio(some) for name, some in scans.items()}
+    return {"latency": latency, "ratio": {"segment_vs_numpy": ratios}}
 
 
-def clouds() -> dict[str, list[tuple[PointCloud, Odometry]]]:
+def segment_ratio(scans: Scans) -> float:
+    """[-] How many times faster the kernel labels range images than numpy and scipy label them.
+
+    Both in turn on the same images, so that they share what else the machine does; medians.
+    """
+    perception, watch = Perception(load_sensor(CONFIG.sensor)), Stopwatch()
+    with garbage_at_rest():
+        for cloud, odometry in scans:
+            perception.project(cloud, odometry.q_NB)
+            image = perception.range_image()
+            with watch.time("numpy"):
+                numpy_labels(image, perception.sensor, perception.settings)
+            with watch.time("kernel"):
+                perception.segment()
+    return round(watch.median_ms("numpy") / watch.median_ms("kernel"), 1)
+
+
+def clouds() -> dict[str, Scans]:
     """Give the scans of each density, with the odometry of each."""
     sensor = load_sensor(CONFIG.sensor)
     full = len(sensor.elevations) * len(sensor.azimuths)
@@ -50,7 +76,7 @@ def clouds() -> dict[str, list[tuple[PointCloud, Odometry]]]:
     return {"sparse": there + back, **dense}
 
 
-def _measure(scans: list[tuple[PointCloud, Odometry]]) -> dict[str, dict[str, float]]:
+def _measure(scans: Scans) -> dict[str, dict[str, float]]:
     watch = Stopwatch()
     with garbage_at_rest():
         _time_stages(scans, watch)
@@ -59,7 +85,7 @@ def _measure(scans: list[tuple[PointCloud, Odometry]]) -> dict[str, dict[str, fl
 
 
 def _stamped(
-    scans: list[tuple[PointCloud, Odometry]],
+    scans: Scans,
 ) -> list[tuple[int, bytes, bytes]]:
     """Give each scan's payload and its odometry's, in turn, with stamps that go on."""
     payloads = []
@@ -81,7 +107,7 @@ def _at(message: Any, stamp_ns: int) -> Any:
     return replace(message, stamp_ns=stamp_ns)
 
 
-def _time_stages(scans: list[tuple[PointCloud, Odometry]], watch: Stopwatch) -> None:
+def _time_stages(scans: Scans, watch: Stopwatch) -> None:
     controller = make_controller(CONFIG)
     pipeline = controller.core.pipeline
     goal = pipeline.mission.goal
@@ -108,7 +134,7 @@ def _time_stages(scans: list[tuple[PointCloud, Odometry]], watch: Stopwatch) -> 
             controller.link.command(thrust, stamp_ns / 1e9)
 
 
-def _time_steps(scans: list[tuple[PointCloud, Odometry]], watch: Stopwatch) -> None:
+def _time_steps(scans: Scans, watch: Stopwatch) -> None:
     controller = _engaged(make_controller(CONFIG))
     for stamp_ns, cloud, odometry in _stamped(scans):
         now_s = stamp_ns / 1e9

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from twinscrew.hil_sim.bench.perception_numpy import project as numpy_project
-from twinscrew.hil_sim.bench.perception_numpy import segment as numpy_segment
+from twinscrew.hil_sim.bench.numpy_segmentation import labels as numpy_segment
+from twinscrew.hil_sim.bench.numpy_segmentation import project as numpy_project
 from twinscrew.hil_sim.bench.perception_scenes import QUAY, RADII, Scene, harbour_scene, open_scene
 from twinscrew.hil_sim.bench.perception_score import Score, Truth, body_frame, score
 from twinscrew.hil_sim.bench.scenes import basin

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.reference import segmentation as reference
 
+from twinscrew.hil_sim.bench.numpy_segmentation import labels as numpy_labels
 from twinscrew.runtime.messages.types import PointCloud
 from twinscrew.runtime.perception.sensor import Beams, Columns, Mount, Sensor
 from twinscrew.runtime.perception.stage import Perception, PerceptionSettings
@@ -100,6 +101,9 @@ def test_the_kernel_finds_the_clusters_of_the_plain_reference(
     noise = 3.0 * math.sqrt(2.0) * sensor.noise_sigma_m
     labels = reference.labels(image.astype(np.float64), sensor, theta, noise, bridged)
     assert reference.same_partition(perception.labels(), labels)
+    assert reference.same_partition(
+        numpy_labels(image, sensor, perception.settings).astype(np.int64), labels
+    )
     assert count == len(np.unique(labels[labels >= 0]))
 
 
@@ -124,7 +128,7 @@ def test_points_anywhere_go_to_the_cell_that_trigonometry_says(seed: int, sensor
 
 
 def nearly(point: np.ndarray) -> np.ndarray:
-    """Give a point, and it turned by the kernel's error of angles: on an edge either cell is right."""
+    """Give a point, and it turned by the error of the kernel's angles: on edges each is right."""
     error = 4e-6  # rad; fast_atan2 is within 3e-6
     x, y, z = point.astype(np.float64)
     beside = [(x - s * y, y + s * x, z) for s in (-error, error)]
