@@ -1,0 +1,50 @@
+from pathlib import Path
+
+import pytest
+from tests.unit.report.results_folder import folder, made_up
+
+from twinscrew.hil_sim.report.gallery import choose
+from twinscrew.hil_sim.report.material import gather
+from twinscrew.hil_sim.report.write import write_report
+from twinscrew.runtime.errors import RecordingError
+
+
+def test_a_report_says_what_was_sailed_and_shows_its_charts(tmp_path: Path) -> None:
+    out = folder(tmp_path / "out", made_up())
+    text = write_report(gather(out), trajectories=False).read_text()
+    assert "12, 3 a set, method and variant" in text
+    assert "Unfinished" not in text
+    assert "From training to the simulator" not in text
+    for name in ("success.png", "closest_approach.png"):
+        assert f"](figures/{name})" in text
+        assert (out / "figures" / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_an_unfinished_experiment_is_called_so(tmp_path: Path) -> None:
+    out = folder(tmp_path / "out", made_up()[:7])
+    text = write_report(gather(out), trajectories=False).read_text()
+    assert "**Unfinished: 5 are missing.**" in text
+
+
+def test_a_policy_that_is_not_there_any_more_costs_pictures_and_nothing_else(
+    tmp_path: Path,
+) -> None:
+    out = folder(tmp_path / "out", made_up())
+    text = write_report(gather(out), failures=1).read_text()
+    assert "passage.png is missing: method 'ac_iqn'" in text
+    assert "failure_1.png is missing: method 'apf'" in text
+    assert not (out / "figures" / "passage.png").exists()
+
+
+def test_the_gallery_shows_every_method_and_cause_before_a_second_of_any(tmp_path: Path) -> None:
+    material = gather(folder(tmp_path / "out", made_up()))
+    causes = [(record.method, record.cause, record.set[0]) for record in choose(material, 3)]
+    assert causes == [("apf", "buoy", "3"), ("apf", "time", "3"), ("apf", "buoy", "5")]
+    assert len(choose(material, 99)) == 4
+
+
+def test_a_report_that_cannot_be_written_says_why(tmp_path: Path) -> None:
+    out = folder(tmp_path / "out", made_up())
+    (out / "figures").touch()
+    with pytest.raises(RecordingError, match="File exists"):
+        write_report(gather(out), trajectories=False)
