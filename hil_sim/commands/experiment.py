@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import os
 import time
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -15,7 +16,7 @@ from rich.table import Table
 
 from twinscrew.hil_sim.experiments.ablations import ABLATIONS, parse_ablations, variants
 from twinscrew.hil_sim.experiments.engine import check_engine
-from twinscrew.hil_sim.experiments.folder import FILE, begin, go_on, read_folder
+from twinscrew.hil_sim.experiments.folder import FILE, begin, go_on
 from twinscrew.hil_sim.experiments.plan import Experiment, parse_methods
 from twinscrew.hil_sim.experiments.rerun import find, parse_line, rerun
 from twinscrew.hil_sim.experiments.results import results_sha256
@@ -23,7 +24,7 @@ from twinscrew.hil_sim.experiments.runner import Finished, run
 from twinscrew.hil_sim.experiments.sets import load_sets
 from twinscrew.hil_sim.experiments.summary import Cell, summarise
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.settings import convert
+from twinscrew.runtime.perception.sensor import load_sensor
 
 NOT_THE_SAME = 1
 SMOOTHING_S = 300.0
@@ -35,9 +36,17 @@ def experiment(
         str | None,
         typer.Option(help="Names with commas: apf, mpc, a shipped policy, or NAME=FILE.onnx."),
     ] = None,
-    sets: Annotated[str, typer.Option(help="paper (six sets), or a TOML file.")] = "paper",
-    episodes: Annotated[int, typer.Option(help="A set and a method.", min=1)] = 100,
-    seed: Annotated[int, typer.Option(help="What all episodes are drawn from.", min=0)] = 0,
+    sets: Annotated[
+        str | None,
+        typer.Option(help="paper (six sets), or a TOML file.", show_default="paper"),
+    ] = None,
+    episodes: Annotated[
+        int | None, typer.Option(help="A set and a method.", min=1, show_default="100")
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(help="What all episodes are drawn from.", min=0, show_default="0"),
+    ] = None,
     jobs: Annotated[
         int | None, typer.Option(help="Processes.", show_default="one a core", min=1)
     ] = None,
@@ -45,12 +54,16 @@ def experiment(
         str, typer.Option(help="local, or ray (the cluster that RAY_ADDRESS names).")
     ] = "local",
     ablate: Annotated[
-        str, typer.Option(help=f"Sail simpler variants too: {', '.join(ABLATIONS)}.")
-    ] = "",
-    sensor: Annotated[str, typer.Option(help="A name in config/sensors, or a file.")] = "vrx32",
+        str | None, typer.Option(help=f"Sail simpler variants too: {', '.join(ABLATIONS)}.")
+    ] = None,
+    sensor: Annotated[
+        str | None,
+        typer.Option(help="A name in config/sensors, or a file.", show_default="vrx32"),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the results.")] = None,
     resume: Annotated[
-        Path | None, typer.Option(help="Go on with the experiment in this folder.")
+        Path | None,
+        typer.Option(help="Go on with the experiment in this folder; it may grow."),
     ] = None,
     again: Annotated[
         str | None,
@@ -62,19 +75,15 @@ def experiment(
     if again is not None:
         _rerun(again, out, as_json=as_json)
         return
-    asked = None
-    if methods is not None:
-        asked = convert(
-            {
-                "methods": parse_methods(methods),
-                "sets": load_sets(sets).set,
-                "episodes": episodes,
-                "seed": seed,
-                "sensor": sensor,
-                "variants": variants(parse_ablations(ablate)),
-            },
-            Experiment,
-        )
+    asked: dict[str, Any] = {
+        "methods": None if methods is None else parse_methods(methods),
+        "sets": None if sets is None else load_sets(sets).set,
+        "episodes": episodes,
+        "seed": seed,
+        "sensor": sensor,
+        "variants": None if ablate is None else variants(parse_ablations(ablate)),
+    }
+    asked = {key: value for key, value in asked.items() if value is not None}
     engine_ = check_engine(engine)
     folder, chosen = _folder(asked, out, resume)
     workers = jobs or len(os.sched_getaffinity(0))
@@ -93,21 +102,22 @@ def experiment(
 
 
 def _folder(
-    asked: Experiment | None, out: Path | None, resume: Path | None
+    asked: Mapping[str, Any], out: Path | None, resume: Path | None
 ) -> tuple[Path, Experiment]:
     """Give the results' folder, new or gone on with, and what is to be sailed."""
     if resume is not None:
         if out is not None and out.resolve() != resume.resolve():
             raise ConfigError(f"--resume goes on in {resume}, not in {out}", key="--out")
-        there = read_folder(resume).experiment
-        return resume, go_on(resume, asked or there).experiment
-    if asked is None:
+        return resume, go_on(resume, asked).experiment
+    if "methods" not in asked:
         raise ConfigError("name at least one, as ac_iqn,apf", key="--methods")
     if out is None:
         raise ConfigError("name a folder for the results", key="--out")
     if (out / FILE).is_file():
         raise ConfigError(f"holds results already; --resume {out} goes on with them", file=out)
-    return out, begin(out, asked).experiment
+    chosen = Experiment(**{"sets": load_sets("paper").set, **asked})
+    load_sensor(chosen.sensor)
+    return out, begin(out, chosen).experiment
 
 
 def _bar(console: Console, *, quiet: bool) -> Progress:

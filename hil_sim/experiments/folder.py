@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -70,8 +72,13 @@ def begin(path: Path, experiment: Experiment) -> Folder:
     return _write(path, Folder(experiment=experiment, origins=(origin(),)))
 
 
-def go_on(path: Path, experiment: Experiment) -> Folder:
-    """Open a results' folder to go on with the same experiment.
+def go_on(path: Path, asked: Mapping[str, Any]) -> Folder:
+    """Open a results' folder to go on with its experiment, or to add episodes or methods to it.
+
+    Parameters
+    ----------
+    asked
+        What the user said, by names of `Experiment`; what was not said stays as it is.
 
     Raises
     ------
@@ -79,15 +86,15 @@ def go_on(path: Path, experiment: Experiment) -> Folder:
         It is of another experiment: which setting differs, and how.
     """
     there = read_folder(path)
-    differences = list(_differences(there.experiment, experiment))
+    differences = list(_differences(there.experiment, asked))
     if differences:
         raise ConfigError(
             f"these are results of another experiment: {'; '.join(differences)}", file=path
         )
-    now = origin()
-    if now in there.origins:
-        return there
-    return _write(path, msgspec.structs.replace(there, origins=(*there.origins, now)))
+    now, grown = origin(), _grown(there.experiment, asked)
+    origins = there.origins if now in there.origins else (*there.origins, now)
+    folder = Folder(experiment=grown, origins=origins)
+    return folder if folder == there else _write(path, folder)
 
 
 def origin() -> Origin:
@@ -95,9 +102,31 @@ def origin() -> Origin:
     return Origin(commit=_commit(), software=software(), machine=_cpu_model())
 
 
-def _differences(there: Experiment, asked: Experiment) -> list[str]:
-    before, now = (msgspec.to_builtins(one) for one in (there, asked))
-    return [f"{key} {before[key]}, not {now[key]}" for key in before if before[key] != now[key]]
+def _differences(there: Experiment, asked: Mapping[str, Any]) -> Iterator[str]:
+    """Tell what was asked for that the results are not of; they may grow."""
+    for key in ("sets", "seed", "sensor", "variants"):
+        before = getattr(there, key)
+        if key in asked and asked[key] != before:
+            yield f"{key} {_plain(before)}, not {_plain(asked[key])}"
+    if asked.get("episodes", there.episodes) < there.episodes:
+        yield f"episodes {there.episodes}, not {asked['episodes']}"
+    known = {method.name: method for method in there.methods}
+    for method in asked.get("methods", ()):
+        if known.get(method.name, method) != method:
+            yield f"{method.name} is another policy: {_plain(known[method.name])}"
+
+
+def _grown(there: Experiment, asked: Mapping[str, Any]) -> Experiment:
+    new = [method for method in asked.get("methods", ()) if method not in there.methods]
+    return msgspec.structs.replace(
+        there,
+        methods=(*there.methods, *new),
+        episodes=asked.get("episodes", there.episodes),
+    )
+
+
+def _plain(value: object) -> str:
+    return msgspec.json.encode(value).decode()
 
 
 def _write(path: Path, folder: Folder) -> Folder:

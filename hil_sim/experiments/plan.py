@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -72,10 +73,11 @@ def episode_seed(seed: int, set_name: str, episode: int) -> int:
 
 
 def tasks(experiment: Experiment) -> Iterator[Task]:
-    """Give every episode: set by set, and in it episode by episode, so that methods keep pace."""
-    from itertools import product
+    """Give every episode: the first of all sets and methods, then the second, and so on.
 
-    for one, episode in product(experiment.sets, range(experiment.episodes)):
+    So an experiment that was broken off is a smaller one, with the same weight on every set.
+    """
+    for episode, one in product(range(experiment.episodes), experiment.sets):
         seed = episode_seed(experiment.seed, one.name, episode)
         for switches, method in product(experiment.variants, experiment.methods):
             yield Task(method, one, switches, episode, seed, experiment.sensor)

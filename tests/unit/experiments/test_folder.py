@@ -27,18 +27,34 @@ def test_a_folder_carries_its_experiment(tmp_path: Path) -> None:
     "change",
     [
         {"seed": 1},
-        {"episodes": 3},
+        {"episodes": 99},
         {"sensor": "vrx16"},
         {"variants": ((),)},
         {"sets": (SetSettings(name="one", vessels=3),)},
-        {"methods": (Method(name="apf", policy="apf", sha256="2"),)},
     ],
 )
 def test_another_experiment_is_refused_with_what_differs(tmp_path: Path, change) -> None:
     begin(tmp_path / "x", EXPERIMENT)
-    go_on(tmp_path / "x", EXPERIMENT)
+    same = {key: getattr(EXPERIMENT, key) for key in change}
+    go_on(tmp_path / "x", same)
     with pytest.raises(ConfigError, match=f"results of another experiment: {next(iter(change))}"):
-        go_on(tmp_path / "x", replace(EXPERIMENT, **change))
+        go_on(tmp_path / "x", change)
+
+
+def test_a_method_with_another_policy_is_refused(tmp_path: Path) -> None:
+    begin(tmp_path / "x", EXPERIMENT)
+    other = Method(name="apf", policy="apf", sha256="2")
+    with pytest.raises(ConfigError, match="apf is another policy"):
+        go_on(tmp_path / "x", {"methods": (other,)})
+
+
+def test_an_experiment_may_grow_by_episodes_and_methods(tmp_path: Path) -> None:
+    begin(tmp_path / "x", EXPERIMENT)
+    mpc = Method(name="mpc", policy="mpc", sha256="3")
+    grown = go_on(tmp_path / "x", {"methods": (mpc,), "episodes": 200}).experiment
+    assert grown == replace(EXPERIMENT, methods=(*EXPERIMENT.methods, mpc), episodes=200)
+    assert read_folder(tmp_path / "x").experiment == grown
+    assert go_on(tmp_path / "x", {}).experiment == grown
 
 
 def test_a_folder_that_holds_something_is_not_begun_in(tmp_path: Path) -> None:
@@ -68,6 +84,6 @@ def test_a_different_checkout_that_goes_on_is_noted(tmp_path: Path) -> None:
     file = tmp_path / "x" / FILE
     commit = read_folder(tmp_path / "x").origins[0].commit
     file.write_text(file.read_text().replace(commit, "0123456789ab"))
-    commits = [origin.commit for origin in go_on(tmp_path / "x", EXPERIMENT).origins]
+    commits = [origin.commit for origin in go_on(tmp_path / "x", {}).origins]
     assert commits == ["0123456789ab", commit]
-    assert len(go_on(tmp_path / "x", EXPERIMENT).origins) == 2
+    assert len(go_on(tmp_path / "x", {}).origins) == 2

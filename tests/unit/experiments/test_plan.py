@@ -29,6 +29,10 @@ def test_every_episode_of_every_method_set_and_variant_is_there_once() -> None:
     assert len(keys) == len(set(keys)) == count(experiment) == 2 * 2 * 3 * 2
 
 
+def test_the_first_episodes_of_all_come_before_the_second_of_any() -> None:
+    assert [task.episode for task in tasks(plan())] == [0] * 4 + [1] * 4 + [2] * 4
+
+
 def test_methods_and_variants_sail_the_same_episodes() -> None:
     seeds: dict[tuple[str, int], set[int]] = {}
     for task in tasks(plan(variants=((), ("no_wind",)))):
