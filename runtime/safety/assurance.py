@@ -220,6 +220,8 @@ class Assurance:
                 "brake and turn to starboard",
                 _brake(settings.brake_nspm, settings.turn_n, limits),
             ),
+            Manoeuvre("full astern", _held((limits.min_n, limits.min_n))),
+            Manoeuvre("full ahead", _held((limits.max_n, limits.max_n))),
         )
 
     def _intervene(self, stamp_ns: int, manoeuvre: str, danger: Contact) -> tuple[HealthEvent, ...]:

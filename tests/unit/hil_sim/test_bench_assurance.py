@@ -35,7 +35,7 @@ def test_the_situations_are_what_their_names_say(
     nothing, clear, wait, intervene, hemmed = np.array(judged).reshape(-1, 2)[:, 0].tolist()
     assert (nothing, clear, wait) == (0, 1, 2)
     assert intervene > wait
-    assert hemmed == 7  # the command, three ways out later, three ways out now: never more
+    assert hemmed == 11  # the command, five ways out later, five ways out now: never more
 
 
 def test_each_situation_has_its_figures(monkeypatch: pytest.MonkeyPatch) -> None:

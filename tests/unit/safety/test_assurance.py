@@ -87,13 +87,23 @@ def test_switched_off_it_lets_everything_pass():
     assert not events
 
 
-@pytest.mark.parametrize(("east", "turn"), [(9.0, [-100.0, 100.0]), (-9.0, [100.0, -100.0])])
-def test_where_braking_does_not_help_it_turns_away_from_the_threat(east, turn):
-    coming = (0.0, east, 0.0, -east / 3.0, 2.8)  # there in a second
+@pytest.mark.parametrize(("side", "turn"), [(1.0, [900.0, 1000.0]), (-1.0, [1000.0, 900.0])])
+def test_where_braking_does_not_help_it_turns_away_from_the_threat(side, turn):
+    crossing = (6.0, 7.0 * side, -2.0, -1.0 * side, 2.8)
     farsighted = AssuranceSettings(enabled=True, moving_horizon_s=4.0)
-    thrust, (told,) = steps(Assurance(farsighted), coming, surge=0.0, command=np.zeros(2))
+    thrust, (told,) = steps(Assurance(farsighted), crossing)
     assert told.detail.startswith("turn away")
     assert thrust.tolist() == turn
+
+
+@pytest.mark.parametrize(
+    ("north", "manoeuvre", "sign"), [(9.0, "full astern", -1), (-8.0, "full ahead", 1)]
+)
+def test_lying_in_the_way_of_another_it_makes_way(north, manoeuvre, sign):
+    coming = (north, 0.0, -north / 3.0, 0.0, 2.8)  # there in a second
+    thrust, (told,) = steps(Assurance(ON), coming, surge=0.0, command=np.zeros(2))
+    assert told.detail.startswith(manoeuvre)
+    assert thrust.tolist() == [sign * 100.0] * 2
 
 
 def test_thrust_stays_within_the_propellers_range():
@@ -128,8 +138,12 @@ def test_the_policy_gets_the_propellers_back_when_its_command_is_safe():
 
 
 def test_a_contact_that_no_manoeuvre_makes_gentler_is_no_reason_to_override():
-    rammed = (9.0, 0.0, -3.0, 0.0, 2.8)  # from ahead, while we lie still
-    thrust, events = steps(Assurance(ON), rammed, surge=0.0, command=np.zeros(2))
+    angles = np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False)
+    ring = [
+        (8 * c, 8 * s, -2 * c, -2 * s, 2.8)
+        for c, s in np.column_stack([np.cos(angles), np.sin(angles)])
+    ]
+    thrust, events = steps(Assurance(ON), *ring, surge=0.0, command=np.zeros(2))
     assert thrust.tolist() == [0.0, 0.0]
     assert not events
 

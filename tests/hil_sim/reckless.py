@@ -1,0 +1,120 @@
+"""Voyages in the full simulator, with the assurance or without, of any policy: a random one too."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from msgspec import structs
+
+from twinscrew.hil_sim.drivers.lockstep import LockstepCrew
+from twinscrew.hil_sim.drivers.voyage import Voyage
+from twinscrew.hil_sim.scenario import Scenario, load_scenario
+from twinscrew.hil_sim.supervisor import Result
+from twinscrew.hil_sim.world import make_world
+from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.mission import MissionSettings
+from twinscrew.runtime.app.pipeline import Pipeline
+from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.messages.types import Decision, Float64, Observation
+from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.safety.assurance import AssuranceSettings
+
+SENSOR = "vrx32"
+LIMIT_NPS = 1000.0
+
+
+class RandomPolicy:
+    """Asks for any rates, whatever it sees; the seed says which."""
+
+    name = "random"
+    period_s = 0.5
+
+    def __init__(self, seed: tuple[int, ...]) -> None:
+        self._rng = np.random.default_rng(seed)
+
+    def act(self, observation: Observation) -> Float64:
+        return self._rng.uniform(-LIMIT_NPS, LIMIT_NPS, 2)
+
+    def reset(self) -> None:
+        """Go on drawing: nothing is remembered."""
+
+
+@dataclass(frozen=True, slots=True)
+class Episode:
+    """How one episode went."""
+
+    seed: int
+    results: tuple[Result, ...]
+    interventions: int
+    """[-] Manoeuvres begun, or taking over from another, over all vessels."""
+    released_after_s: tuple[float, ...]
+    """[s] How long each intervention lasted."""
+
+
+def sail(
+    vessels: int,
+    buoys: int,
+    seed: int,
+    *,
+    policy: str,
+    assurance: AssuranceSettings,
+    limit_s: float | None = None,
+) -> Episode:
+    """Sail one of the paper's random episodes in lock-step.
+
+    Parameters
+    ----------
+    policy
+        "random", or what a runtime's configuration names.
+    limit_s
+        Time limit [s]; the scenario's by default.
+    """
+    scenario = load_scenario("random", vessels, buoys, seed)
+    if limit_s is not None:
+        scenario = replace(scenario, time_limit_s=limit_s)
+    world = make_world(scenario, sensor=SENSOR, seed=seed)
+    configs = [_config(scenario, i, policy, assurance) for i in range(vessels)]
+    crew = LockstepCrew(configs, epoch_ns=world.epoch_ns)
+    pipelines = [vessel.controller.core.pipeline for vessel in crew.vessels]
+    if policy == "random":
+        for index, pipeline in enumerate(pipelines):
+            pipeline.policy = RandomPolicy((seed, index))
+    told = [_listen(pipeline) for pipeline in pipelines]
+    scan_s = 1.0 / load_sensor(SENSOR).rate_hz
+    results = Voyage(world, crew, scan_s=scan_s).run().results
+    events = [event for decisions in told for decision in decisions for event in decision.events]
+    names = [event.name for event in events]
+    lasted = [event.detail for event in events if event.name == "assurance_released"]
+    return Episode(
+        seed,
+        results,
+        names.count("assurance_intervened"),
+        tuple(float(detail.split()[1]) for detail in lasted),
+    )
+
+
+def _config(
+    scenario: Scenario, index: int, policy: str, assurance: AssuranceSettings
+) -> RuntimeConfig:
+    return RuntimeConfig(
+        name=scenario.names[index],
+        sensor=SENSOR,
+        policy="apf" if policy == "random" else policy,  # replaced before it is asked
+        mission=MissionSettings(goal_radius_m=scenario.goal_radius),
+        autopilot=AutopilotSettings(system_id=index + 1, arm=True, receiver_fitted=False),
+        assurance=structs.replace(assurance),
+    )
+
+
+def _listen(pipeline: Pipeline) -> list[Decision]:
+    """Keep every decision that the pipeline makes."""
+    decisions: list[Decision] = []
+    step = pipeline.step
+
+    def listened(*arguments: object, **named: object) -> Decision:
+        decisions.append(step(*arguments, **named))  # type: ignore[arg-type]
+        return decisions[-1]
+
+    pipeline.step = listened  # type: ignore[method-assign]
+    return decisions
