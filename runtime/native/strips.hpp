@@ -35,11 +35,7 @@ class Strips {
   void operator()(const RangeImage& image, bool wraps, CircleOf circle_of) {
     strips_.clear();
     for (int row = 0; row < image.rows(); ++row) {
-      row_.clear();
-      image.each_in_row(row, [&](int column, std::size_t cell) {
-        const Echo& echo = image.echo(cell);
-        take({echo.x, echo.y, image.range(cell), circle_of(cell), column});
-      });
+      cut(image, row, circle_of);
       if (wraps && row_.size() > 1) close_seam(image.columns());
       for (const Piece& piece : row_) keep(piece);
     }
@@ -62,10 +58,12 @@ class Strips {
     bool whole;
   };
 
-  static float length(const End& a, const End& b) { return std::hypot(b.x - a.x, b.y - a.y); }
+  static float squared(const End& a, const End& b) {
+    return (b.x - a.x) * (b.x - a.x) + (b.y - a.y) * (b.y - a.y);
+  }
 
   bool one(const End& a, const End& b) const {
-    return a.circle == b.circle && length(a, b) < rules_.gap;
+    return a.circle == b.circle && squared(a, b) < rules_.gap * rules_.gap;
   }
 
   // Does what stands beside b, `apart` columns off, hide where b's strip would go on?
@@ -73,21 +71,31 @@ class Strips {
     return apart <= 2 && a.circle != b.circle && a.range < b.range + rules_.gap;
   }
 
-  void take(const End& here) {
-    if (!row_.empty()) {
-      Piece& piece = row_.back();
-      if (one(piece.last, here)) {
+  // Pieces are gathered before they are stored.
+  template <class CircleOf>
+  void cut(const RangeImage& image, int row, CircleOf circle_of) {
+    row_.clear();
+    Piece piece{};
+    image.each_in_row(row, [&](int column, std::size_t cell) {
+      const Echo& echo = image.echo(cell);
+      const End here{echo.x, echo.y, image.range(cell), circle_of(cell), column};
+      if (piece.count > 0 && one(piece.last, here)) {
         piece.last = here;
         piece.x_sum += here.x;
         piece.y_sum += here.y;
         ++piece.count;
         return;
       }
-      piece.whole = piece.whole && !hides(here, piece.last, here.column - piece.last.column);
-    }
-    const bool whole = row_.empty() ||
-                       !hides(row_.back().last, here, here.column - row_.back().last.column);
-    row_.push_back({here, here, here.x, here.y, 1, whole});
+      bool whole = true;
+      if (piece.count > 0) {
+        const int apart = here.column - piece.last.column;
+        piece.whole = piece.whole && !hides(here, piece.last, apart);
+        whole = !hides(piece.last, here, apart);
+        row_.push_back(piece);
+      }
+      piece = {here, here, here.x, here.y, 1, whole};
+    });
+    if (piece.count > 0) row_.push_back(piece);
   }
 
   // The last column of a full turn is beside the first.
@@ -111,7 +119,8 @@ class Strips {
     if (!piece.whole || piece.count < 2 || piece.first.circle < 0) return;
     if (std::max(piece.first.range, piece.last.range) > rules_.far) return;
     strips_.push_back({piece.first.circle, piece.count, piece.x_sum / piece.count,
-                       piece.y_sum / piece.count, length(piece.first, piece.last)});
+                       piece.y_sum / piece.count,
+                       std::sqrt(double{squared(piece.first, piece.last)})});
   }
 
   // A total order: the answer does not depend on the sort.

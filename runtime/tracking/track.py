@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -71,7 +72,14 @@ class Track:
         self.known_s += dt
         self.age_s += dt
 
-    def update(self, z_N: Float64, H: Float64, R: Float64, excess: float = 0.0) -> None:
+    def update(
+        self,
+        z_N: Float64,
+        H: Float64,
+        R: Float64,
+        excess: float = 0.0,
+        velocity: MeasuredVelocity | None = None,
+    ) -> None:
         """Take in a measurement.
 
         A vessel does not move by decimetres between two scans; its visible side does. What of the
@@ -85,25 +93,45 @@ class Track:
             The measurement, (2,) [m], and what it says, (2, 6), (2, 2).
         excess : float
             Squared Mahalanobis distance over the squared limit, less 1; nothing if negative.
+        velocity
+            How fast it went since it was last seen, if that is known.
         """
         if excess > 0.0:
             P, turn = self.filter.P, H[:, 4:]  # the bias's axes in N, but for the sign
             P[4:, 4:] += excess * turn.T @ (H @ P @ H.T + R) @ turn
-        self.filter.update(z_N, R=R, H=H)
+        if velocity is None:
+            self.filter.inv = inverse_2x2
+            self.filter.update(z_N, R=R, H=H)
+        else:
+            self.filter.inv = np.linalg.inv
+            both = np.zeros((4, 4))
+            both[:2, :2], both[2:, 2:] = R, velocity.R
+            z = np.concatenate([z_N, velocity.v_N])
+            self.filter.update(z, R=both, H=np.concatenate([H, VELOCITY]))
         self.hits += 1
         self.age_s = 0.0
 
-    def update_velocity(self, measured: MeasuredVelocity, limit_sigma: float) -> None:
-        """Take in a velocity.
 
-        Strips can be mistaken for others. Beyond a Mahalanobis distance d > limit the noise is
-        taken to be so large that it would be on the limit: a few bad ones do little harm, and if
-        the filter was wrong it is told so again and again.
-        """
-        x, P = self.filter.x, self.filter.P
-        y, S = measured.v_N - x[2:4], P[2:4, 2:4] + measured.R
-        excess = float(y @ inverse_2x2(S) @ y) / limit_sigma**2 - 1.0
-        self.filter.update(measured.v_N, R=measured.R + max(0.0, excess) * S, H=VELOCITY)
+def doubted(
+    velocity: MeasuredVelocity, x: Float64, P: Float64, limit_sigma: float
+) -> MeasuredVelocity:
+    """Give a velocity with as much noise as brings it within a Mahalanobis distance.
+
+    Strips can be mistaken for others. A bad velocity does the less harm the farther it is off; and
+    if it was the filter that was wrong, it is told so again and again.
+
+    Parameters
+    ----------
+    velocity
+        What was measured.
+    x, P : (6,), (6, 6) float64
+        What is expected.
+    limit_sigma : float
+        The distance [-].
+    """
+    y, S = velocity.v_N - x[2:4], P[2:4, 2:4] + velocity.R
+    excess = float(y @ inverse_2x2(S) @ y) / limit_sigma**2 - 1.0
+    return velocity if excess <= 0.0 else replace(velocity, R=velocity.R + excess * S)
 
 
 def first_covariance(H: Float64, R: Float64, prior: Float64) -> Float64:

@@ -22,13 +22,18 @@ from twinscrew.runtime.messages.types import (
 )
 from twinscrew.runtime.settings import Positive, Settings
 from twinscrew.runtime.tracking.association import associate
-from twinscrew.runtime.tracking.displacement import Displacement, DisplacementSettings, Sight
+from twinscrew.runtime.tracking.displacement import (
+    Displacement,
+    DisplacementSettings,
+    MeasuredVelocity,
+    Sight,
+)
 from twinscrew.runtime.tracking.fragments import join_fragments
 from twinscrew.runtime.tracking.life import LifeSettings, is_absorbed, is_born, lives
 from twinscrew.runtime.tracking.measurement import Measurements, MeasurementSettings, measure
 from twinscrew.runtime.tracking.motion import bias_noise, motion_noise, transition
 from twinscrew.runtime.tracking.radius import RadiusSettings, smoothed_radius
-from twinscrew.runtime.tracking.track import Track
+from twinscrew.runtime.tracking.track import Track, doubted
 
 
 class TrackerSettings(Settings, frozen=True, kw_only=True):
@@ -143,9 +148,10 @@ class Tracker:
         limit2 = self.settings.measurement.jump_sigma**2
         for i, j, distance2 in found.pairs:
             track = self._tracks[i]
-            self._measure_velocity(track, measured.sights[j])
+            velocity = self._velocity(track, measured.sights[j])
             excess = distance2 / limit2 - 1.0
-            track.update(measured.z_N[j], measured.H[j], measured.R[j], excess)
+            track.update(measured.z_N[j], measured.H[j], measured.R[j], excess, velocity)
+            track.sight = measured.sights[j]
             track.radius = smoothed_radius(
                 track.radius, float(measured.radius[j]), self.settings.radius
             )
@@ -153,13 +159,13 @@ class Tracker:
         for j in found.new:
             self._tracks.append(self._born(measured, j))
 
-    def _measure_velocity(self, track: Track, sight: Sight) -> None:
+    def _velocity(self, track: Track, sight: Sight) -> MeasuredVelocity | None:
         """Let a track's strips say how fast it went since it was last seen."""
-        x = track.filter.x
+        x, P = track.filter.x, track.filter.P
         velocity = self._displacement.measure(track.sight, sight, x[2:4], x[:2])
-        if velocity is not None:
-            track.update_velocity(velocity, self.settings.displacement.limit_sigma)
-        track.sight = sight
+        if velocity is None:
+            return None
+        return doubted(velocity, x, P, self.settings.displacement.limit_sigma)
 
     def _born(self, measured: Measurements, j: int) -> Track:
         settings = self.settings

@@ -5,7 +5,7 @@ import pytest
 
 from twinscrew.runtime.tracking.displacement import MeasuredVelocity, Sight
 from twinscrew.runtime.tracking.measurement import NO_STRIPS, observation_matrix
-from twinscrew.runtime.tracking.track import Track, first_covariance, inverse_2x2
+from twinscrew.runtime.tracking.track import Track, doubted, first_covariance, inverse_2x2
 
 H = observation_matrix(np.array([[0.6, 0.8]]))[0]
 R = np.diag([0.01, 0.02])
@@ -70,21 +70,29 @@ def test_the_excess_brings_the_innovation_to_the_limit():
     assert one.filter.mahalanobis == pytest.approx(2.0)
 
 
-def test_a_velocity_is_taken_in():
-    one = track()
-    one.update_velocity(MeasuredVelocity(np.array([1.0, -2.0]), 1e-4 * np.eye(2)), 10.0)
-    assert one.filter.x[2:4] == pytest.approx([1.0, -2.0], abs=1e-3)
+def velocity(north, variance=0.01):
+    return MeasuredVelocity(np.array([north, 0.0]), variance * np.eye(2))
 
 
-def test_a_velocity_that_cannot_be_does_less_harm_the_farther_off_it_is():
-    def after(speed):
-        one = track()
-        for _ in range(10):
-            one.update_velocity(MeasuredVelocity(np.zeros(2), 0.01 * np.eye(2)), 2.0)
-        one.update_velocity(MeasuredVelocity(np.array([speed, 0.0]), 0.01 * np.eye(2)), 2.0)
-        return one.filter.x[2]
+def test_a_velocity_is_taken_in_as_if_it_were_measured_alone():
+    both, apart = track(), track()
+    z = np.array([5.1, 6.0])
+    both.update(z, H, R, velocity=velocity(1.0))
+    apart.filter.update(z, R=R, H=H)
+    apart.filter.update(np.array([1.0, 0.0]), R=0.01 * np.eye(2), H=np.eye(6)[2:4])
+    assert both.filter.x == pytest.approx(apart.filter.x, abs=1e-9)
+    assert pytest.approx(apart.filter.P, abs=1e-9) == both.filter.P
 
-    assert 0.0 < after(100.0) < after(10.0) < after(1.0) < 0.1
+
+def test_a_likely_velocity_is_not_doubted():
+    likely = velocity(3.0)
+    assert doubted(likely, np.zeros(6), np.diag(PRIOR), 2.0) is likely
+
+
+def test_a_velocity_is_doubted_until_it_lies_on_the_limit():
+    P = np.diag([0, 0, 0.03, 0.03, 0, 0])
+    R = doubted(velocity(1.0), np.zeros(6), P, 2.0).R
+    assert 1.0**2 / (P[2, 2] + R[0, 0]) == pytest.approx(2.0**2)
 
 
 def test_a_velocity_that_is_told_again_and_again_is_believed():
@@ -92,5 +100,6 @@ def test_a_velocity_that_is_told_again_and_again_is_believed():
     for speed, times in ((0.0, 20), (3.0, 30)):
         for _ in range(times):
             one.predict(0.1, np.eye(6), 0.1 * np.diag([0, 0, 0.5, 0.5, 0, 0]))
-            one.update_velocity(MeasuredVelocity(np.array([speed, 0.0]), 0.02 * np.eye(2)), 2.0)
+            seen = doubted(velocity(speed, 0.02), one.filter.x, one.filter.P, 2.0)
+            one.update(H @ one.filter.x, H, R, velocity=seen)
     assert one.filter.x[2] == pytest.approx(3.0, abs=0.1)
