@@ -75,8 +75,10 @@ class RecordedSource:
         self.duration_s = 0.0
         self._films: list[Film] = []
         self._trails: dict[str, Places] = {}
-        for recording in recordings:
-            self._read(recording, min(begins))
+        vessels = [self._read(recording, min(begins)) for recording in recordings]
+        for vessel, film in zip(vessels, self._films, strict=True):
+            while film.next_s <= self.duration_s:  # it fell silent before the others
+                film.add(vessel.part(film.next_s))
 
     def now_s(self) -> float:
         """See `Source`."""
@@ -93,7 +95,7 @@ class RecordedSource:
     def close(self) -> None:
         """See `Source`; nothing is open."""
 
-    def _read(self, recording: Recording, begin_ns: int) -> None:
+    def _read(self, recording: Recording, begin_ns: int) -> Vessel:
         vessel = Vessel(recording.vessel, _sensor(recording))
         film, time_s = Film(), 0.0
         for message in recording.messages(SHOWN):
@@ -105,6 +107,7 @@ class RecordedSource:
         self.duration_s = max(self.duration_s, time_s)
         self._films.append(film)
         self._trails[recording.vessel] = vessel.trail.places
+        return vessel
 
 
 def _first_ns(recording: Recording) -> int:

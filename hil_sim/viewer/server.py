@@ -69,7 +69,7 @@ class Server:
             heartbeat=HEARTBEAT_S, compress=False, max_msg_size=LONGEST_REQUEST
         )
         await page.prepare(request)
-        await page.send_str(encode_greeting(greeting(self._source)))
+        await self._greet(page)
         self._pages.add(page)
         player = Player(self._source)
         sender = asyncio.create_task(_send(page, player))
@@ -79,6 +79,8 @@ class Server:
                 if wish is None:
                     await page.close(code=1003, message=b"not a request")
                     break
+                if wish.playing and self._source.mode == "live":
+                    await self._greet(page)  # with the trails of what it paused over
                 player.ask(wish)
         finally:
             self._pages.discard(page)
@@ -86,6 +88,9 @@ class Server:
             with contextlib.suppress(asyncio.CancelledError, ConnectionError):
                 await sender
         return page
+
+    async def _greet(self, page: web.WebSocketResponse) -> None:
+        await page.send_str(encode_greeting(greeting(self._source)))
 
     async def _say_goodbye(self, _: web.Application) -> None:
         for page in tuple(self._pages):

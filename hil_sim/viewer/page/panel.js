@@ -4,6 +4,7 @@ import { vesselColour, colours } from "./theme.js";
 import { drawSparkline } from "./sparkline.js";
 
 const SILENT_S = 1;
+const SLACK_M = 0.5; // between two messages of odometry
 const SHOWN_EVENTS = 3;
 const FEW = 3; // more vessels than this have shorter cards
 const TURN = 2 * Math.PI;
@@ -55,7 +56,7 @@ export class Panel {
 
   #update(card, vessel) {
     const silent = vessel.silent_s === null || vessel.silent_s > SILENT_S;
-    const state = vessel.arrived ? "arrived" : silent ? "silent" : vessel.state;
+    const state = this.#hasArrived(vessel, silent) ? "arrived" : silent ? "silent" : vessel.state;
     const badge = card.querySelector(".state");
     badge.textContent = badge.dataset.state = state;
     card.classList.toggle("silent", silent);
@@ -67,6 +68,12 @@ export class Panel {
     const brief = this.cards.size > FEW && vessel.name !== this.model.following;
     const events = vessel.events.slice(brief ? -1 : -SHOWN_EVENTS).reverse();
     card.querySelector(".events").replaceChildren(...events.map(eventLine));
+  }
+
+  // A simulator takes a vessel out of its run where it reaches its goal, before it could say so.
+  #hasArrived({ arrived, pose, goal }, silent) {
+    if (arrived || !silent || !pose || !goal) return arrived;
+    return Math.hypot(goal[0] - pose[0], goal[1] - pose[1]) <= this.model.greeting.goal_radius_m + SLACK_M;
   }
 
   #figures(card, { pose, velocity, goal }) {

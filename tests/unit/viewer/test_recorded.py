@@ -7,7 +7,7 @@ import pytest
 
 from twinscrew.hil_sim.viewer.recorded import FRAME_S, Film, RecordedSource
 from twinscrew.hil_sim.viewer.wire import Part
-from twinscrew.runtime.app.recording import find_recordings
+from twinscrew.runtime.app.recording import Recording, find_recordings
 from twinscrew.runtime.errors import RecordingError
 from twinscrew.runtime.messages import cdr
 
@@ -64,6 +64,25 @@ def test_the_trail_goes_all_the_way(run):
         end = json.loads(source.parts(source.duration_s)[index].head)["pose"]
         assert np.hypot(places[-1][1] - end[0], places[-1][2] - end[1]) < 0.6
         assert [place[0] for place in places] == sorted(place[0] for place in places)
+
+
+def test_a_vessel_that_fell_silent_before_the_end_is_shown_so(run, monkeypatch):
+    whole = RecordedSource(run)
+    original = Recording.messages
+
+    def first_second_of_wamv1(self, topics):
+        for message in original(self, topics):
+            if self.vessel == "wamv1" and message.time_ns > begin_ns + 1_000_000_000:
+                return
+            yield message
+
+    begin_ns = min(next(r.messages()).time_ns for r in find_recordings(run))
+    monkeypatch.setattr(Recording, "messages", first_second_of_wamv1)
+    source = RecordedSource(run)
+    assert source.duration_s == whole.duration_s
+    silent, heard = (json.loads(part.head)["silent_s"] for part in source.parts(4.0))
+    assert silent == pytest.approx(3.0, abs=0.2)
+    assert heard < 0.2
 
 
 def test_one_vessels_recording_can_be_shown_alone(run):

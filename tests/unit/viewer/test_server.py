@@ -11,6 +11,7 @@ from aiohttp.test_utils import TestClient, TestServer
 
 from twinscrew.hil_sim.viewer.recorded import RecordedSource
 from twinscrew.hil_sim.viewer.server import HOST, PAGE, PERIOD_S, Server, listen
+from twinscrew.hil_sim.viewer.wire import Part
 from twinscrew.runtime.errors import ConfigError
 
 
@@ -132,22 +133,44 @@ def test_other_peoples_pages_are_refused(source, headers):
     with_client(source, visit)
 
 
+class Live:
+    """A recording's last moment, as if it were now."""
+
+    mode, duration_s = "live", 0.0
+
+    def __init__(self, source):
+        self.names, self.scene, self._source = source.names, source.scene, source
+
+    def now_s(self):
+        return 0.0
+
+    def trails(self):
+        return self._source.trails()
+
+    def parts(self, time_s):
+        return self._source.parts(3.0)
+
+
+def test_a_live_page_that_goes_on_is_told_the_trails_of_its_pause(source):
+    async def visit(client):
+        async with client.ws_connect("/frames") as page:
+            await page.receive_str()
+            await page.send_str('{"playing": false}')
+            await page.send_str('{"playing": true}')
+            while not isinstance(told := (await page.receive()).data, str):
+                pass
+            assert set(json.loads(told)["trails"]) == {"wamv1", "wamv2"}
+
+    with_client(Live(source), visit)
+
+
 def test_a_page_that_does_not_read_gets_its_frames_made_no_faster_than_it_takes_them(source):
     made = []
 
-    class Counted:
-        mode, names, scene = "live", source.names, source.scene
-        duration_s = 0.0
-
-        def now_s(self):
-            return 0.0
-
-        def trails(self):
-            return {}
-
+    class Counted(Live):
         def parts(self, time_s):
             made.append(time_s)
-            return [part.__class__(part.head, bytes(4_000_000)) for part in source.parts(3.0)]
+            return [Part(part.head, bytes(4_000_000)) for part in super().parts(time_s)]
 
     async def visit(client):
         async with client.ws_connect("/frames", max_msg_size=0) as page:
@@ -158,7 +181,7 @@ def test_a_page_that_does_not_read_gets_its_frames_made_no_faster_than_it_takes_
             assert len(made) <= stuck + 1
             await page.receive_bytes()  # the line goes on once somebody does
 
-    with_client(Counted(), visit)
+    with_client(Counted(source), visit)
 
 
 def test_a_port_in_use_is_refused_in_words():
