@@ -14,13 +14,9 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from itertools import islice
 
-from tests.replay.differences import Difference, differences
+from tests.replay.differences import Difference, differences, summary
 from tests.replay.references import CASES, FOLDER, decide, machine, record, sha256, store, stored
-
-SHOWN = 12
-"""[-] Differences to show of a case, in full; the rest are counted."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -67,11 +63,8 @@ def _tell(case: str, decisions: tuple[bytes, ...]) -> bool:
     how = "every bit" if reference.machine == machine() else "as another machine can"
     verdict = "as accepted" if not found else f"{len(found)} differences"
     print(f"{case}: {len(decisions)} decisions, {sha256(decisions)[:16]}...: {verdict} ({how})")
-    for difference in islice(found, SHOWN):
-        print(f"  {difference}")
-    if len(found) > SHOWN:
-        touched = sorted({difference.field.partition("[")[0] for difference in found})
-        print(f"  ... in all of {', '.join(touched)}")
+    for line in summary(found):
+        print(f"  {line}")
     return not found
 
 

@@ -29,6 +29,26 @@ class Difference(NamedTuple):
         return f"decision {self.decision}: {self.field}: {self.expected} -> {self.found}"
 
 
+def summary(found: Sequence[Difference]) -> Iterator[str]:
+    """Say of each field where it first differs, how often, and by how much at most."""
+    fields: dict[str, list[Difference]] = {}
+    for difference in found:
+        fields.setdefault(difference.field.partition("[")[0], []).append(difference)
+    for name, group in fields.items():
+        decisions = len({difference.decision for difference in group})
+        greatest = max(_size(difference) for difference in group)
+        size = f", by {greatest:.3g} at most" if greatest else ""
+        yield f"{name}: in {decisions} decisions{size}; first {group[0]}"
+
+
+def _size(difference: Difference) -> float:
+    """Give by how much numbers differ; 0 for anything else."""
+    old, new = difference.expected, difference.found
+    if isinstance(old, float) and isinstance(new, float):
+        return abs(new - old)
+    return 0.0
+
+
 def differences(
     expected: Sequence[bytes], found: Sequence[bytes], *, exact: bool
 ) -> Iterator[Difference]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from tests.replay import accept, references
-from tests.replay.differences import differences
+from tests.replay.differences import differences, summary
 from tests.replay.references import CASES, decide, machine, sha256, store, stored
 
 from twinscrew.runtime.messages import cdr
@@ -33,8 +33,7 @@ def told(old: tuple[bytes, ...], new: tuple[bytes, ...], *, exact: bool) -> list
 @pytest.mark.parametrize("case", CASES)
 def test_the_decisions_are_the_accepted_ones(case: str) -> None:
     found = accept.compare(case, decide(case))
-    shown = "\n".join(str(difference) for difference in found[: accept.SHOWN])
-    assert not found, f"{len(found)} differences, among them:\n{shown}\n{ACCEPT}"
+    assert not found, "\n".join((*summary(found), ACCEPT))
 
 
 def test_a_difference_names_the_decision_the_field_and_both_values(
@@ -57,6 +56,19 @@ def test_the_last_bit_counts_on_the_same_machine_and_not_on_another(
     assert not told(decisions, after, exact=False)
     gone_far = changed(decisions, 20, thrust=before + 1.0)
     assert len(told(decisions, gone_far, exact=False)) == 2
+
+
+def test_the_summary_tells_of_each_field_where_it_begins_and_the_greatest_change(
+    decisions: tuple[bytes, ...],
+) -> None:
+    early, late = (cdr.decode_decision(decisions[k]).thrust for k in (10, 20))
+    after = changed(decisions, 20, thrust=late - 2.0, arrived=True)
+    after = changed(after, 10, thrust=early + np.array([0.5, 0.0]))
+    assert list(summary(list(differences(decisions, after, exact=True)))) == [
+        f"thrust: in 2 decisions, by 2 at most; first decision 10: thrust[0]: "
+        f"{early[0]} -> {early[0] + 0.5}",
+        "arrived: in 1 decisions; first decision 20: arrived: False -> True",
+    ]
 
 
 def test_a_lost_track_is_a_difference_on_every_machine(decisions: tuple[bytes, ...]) -> None:
