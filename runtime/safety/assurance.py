@@ -44,7 +44,7 @@ from twinscrew.runtime.settings import NonNegative, Positive, Settings
 class AssuranceSettings(Settings, frozen=True):
     """When a command is overridden, and by what."""
 
-    enabled: bool = False
+    enabled: bool = True
     """Whether commands are checked."""
     horizon_s: Positive = 4.0
     """[s] How far ahead: stopping from full ahead takes 2.5 s, the propellers' turning included."""
@@ -56,9 +56,9 @@ class AssuranceSettings(Settings, frozen=True):
     """[s] A command is let pass while a manoeuvre that begins this much later avoids contact."""
     least_radius_m: NonNegative = 0.8
     """[m] Objects are at least this large: of a buoy of 0.75 m, 0.5 to 0.7 m are seen."""
-    margin_m: NonNegative = 0.5
+    margin_m: NonNegative = 0.8
     """[m] Nearer than this to a surface, closing in is limited."""
-    approach_per_s: NonNegative = 1.0
+    approach_per_s: NonNegative = 0.7
     """[1/s] There it is allowed at this times the gap."""
     tolerance_mps: NonNegative = 0.05
     """[m/s] Closing in faster than allowed by less is no contact, and no improvement."""
