@@ -64,9 +64,10 @@ class Training:
             self.replay.clear()
         collector = Collector(s, told, self.seed, self.step)
         started = time.monotonic() - self.seconds
+        metrics: Metrics = {}
         while self.phase_step < phase.steps:
             self._gather(collector)
-            metrics = self._learn(self.phase_step / phase.steps)
+            metrics = self._learn(self.phase_step / phase.steps) or metrics
             self.seconds = time.monotonic() - started
             progress.advance(self.step)
             if metrics and self.step % s.log_every == 0:
