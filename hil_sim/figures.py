@@ -116,7 +116,7 @@ def _draw_vessel(axes: Axes, times: Float64, rows: Float64, colour: str) -> None
     if times.size == 0:
         return
     shots = np.searchsorted(times, np.arange(0.0, times[-1] + 1e-9, SNAPSHOT_S))
-    for k in shots:
+    for k in np.minimum(shots, times.size - 1):  # the last may be asked for a rounding later
         north, east, heading, v_north, v_east = (float(v) for v in rows[k, :5])
         axes.add_patch(
             Polygon(outline(north, east, heading), facecolor=colour, alpha=0.35, edgecolor=colour)

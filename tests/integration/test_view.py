@@ -1,6 +1,7 @@
 """The live view's page in a real browser: headless Chromium, as Debian packages it."""
 
 import json
+import re
 import shutil
 import socket
 import subprocess
@@ -242,6 +243,29 @@ def test_it_survives_a_restart_of_its_server(page, run):
         assert page.locator(".card").count() == 2
     finally:
         again.stop()
+
+
+@pytest.mark.slow
+def test_a_run_in_real_time_is_seen_as_it_sails(page, tmp_path):
+    command = [sys.executable, "-m", "twinscrew.runtime.app", "sitl", "--scenario", "crossing"]
+    command += ["--max-time", "12", "--out", str(tmp_path / "run"), "--view", "--port", "0"]
+    with (tmp_path / "said.txt").open("w+") as said:
+        sitl = subprocess.Popen(command, stdout=said, stderr=said)
+        try:
+            until(lambda: re.search(r"http://[\d.:]+", (tmp_path / "said.txt").read_text()))
+            page.goto(re.search(r"http://[\d.:]+", (tmp_path / "said.txt").read_text())[0])
+            until(lambda: page.locator(".state[data-state=active]").count() == 2)
+            assert page.locator("#mode").inner_text() == "live, crossing"
+            assert not page.locator("#slider").is_visible()
+            page.keyboard.press("1")
+            until(lambda: colours(page, *MIDDLE).get(style_colour(page, "v0"), 0) > 20)
+            until(lambda: "ms" in page.locator(".card .ms").first.inner_text())
+            until(lambda: told(page, "connection") == "lost")  # the run is over
+            assert page.complaints == [] or all("WebSocket" in c for c in page.complaints)
+        finally:
+            sitl.wait(PATIENCE_S)
+    assert sitl.returncode in {0, 1}, (tmp_path / "said.txt").read_text()
+    assert (tmp_path / "run" / "summary.json").is_file()
 
 
 def test_a_port_in_use_is_refused_in_one_line(run):

@@ -5,7 +5,13 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from twinscrew.hil_sim.figures import HULL_LENGTH_M, HULL_WIDTH_M, draw_trajectories, outline
+from twinscrew.hil_sim.figures import (
+    HULL_LENGTH_M,
+    HULL_WIDTH_M,
+    SNAPSHOT_S,
+    draw_trajectories,
+    outline,
+)
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.trajectory import TrajectoryLog
 
@@ -60,3 +66,16 @@ def test_a_run_that_ended_at_once_can_be_drawn_and_a_longer_one_shows_more(
     brief, longer = drawn(tmp_path, "head_on", 1), drawn(tmp_path, "head_on", 120)
     white = [float(np.mean(picture[..., :3].min(axis=2) > 0.99)) for picture in (brief, longer)]
     assert white[1] < white[0]
+
+
+@pytest.mark.parametrize("end_s", [SNAPSHOT_S, 4 * SNAPSHOT_S - 5e-10])
+def test_a_run_that_ended_a_rounding_before_a_snapshot_can_be_drawn(
+    tmp_path: Path, end_s: float
+) -> None:
+    scenario = load_scenario("crossing")
+    log = TrajectoryLog(every_s=0.01)
+    for time_s in np.linspace(0.0, end_s, 50):
+        log.add(float(time_s), scenario.starts, np.zeros((2, 2)), np.zeros((2, 2)))
+    path = tmp_path / "run.png"
+    draw_trajectories(path, scenario, log, ["timeout", "timeout"], [end_s, end_s])
+    assert len(np.unique(imread(path).reshape(-1, 4), axis=0)) > 20
