@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,21 @@ from twinscrew.runtime.perception.lzf import decompress
 
 RINGS = 256
 """[-] No LiDAR has more beams: tells nuScenes's ring column from anything else."""
+RING_FIELDS = ("ring", "channel")
 PCD_TYPES = {"F": "f", "I": "i", "U": "u"}
 
 
-def read_cloud(path: Path) -> Float32:
-    """Read a cloud's points, (N, 3) float32 [m], in the file's own axes.
+class FilePoints(NamedTuple):
+    """What a file tells of its points."""
+
+    points: Float32
+    """[m] (N, 3) in the file's own axes."""
+    ring: NDArray[np.uint16] | None = None
+    """[-] (N,) Each point's beam."""
+
+
+def read_cloud(path: Path) -> FilePoints:
+    """Read a cloud.
 
     Raises
     ------
@@ -39,7 +49,7 @@ def read_cloud(path: Path) -> Float32:
         raise MessageError(f"{path}: {error}") from error
 
 
-def read_bin(data: bytes) -> Float32:
+def read_bin(data: bytes) -> FilePoints:
     """Read rows of 4 (KITTI: x y z intensity) or 5 (nuScenes: .. and ring) float32."""
     if len(data) % 4:
         raise MessageError(f"{len(data)} bytes are no float32 numbers")
@@ -47,14 +57,12 @@ def read_bin(data: bytes) -> Float32:
     fits = [columns for columns in (4, 5) if values.size % columns == 0]
     if not fits:
         raise MessageError(f"{values.size} numbers are no rows of 4 or of 5")
-    if fits == [4, 5]:
-        rings = values[4::5]
-        whole = (rings >= 0) & (rings < RINGS) & (rings == np.trunc(rings))
-        fits = [5] if whole.all() else [4]
-    return np.ascontiguousarray(values.reshape(-1, fits[0])[:, :3])
+    ring = _rings(values[4::5]) if 5 in fits else None
+    rows = values.reshape(-1, fits[0] if ring is None else 5)
+    return FilePoints(np.ascontiguousarray(rows[:, :3]), ring)
 
 
-def read_npy(data: bytes) -> Float32:
+def read_npy(data: bytes) -> FilePoints:
     """Read an array (.., 3 or more) of x, y, z, or one with fields of these names."""
     import io
 
@@ -69,10 +77,11 @@ def read_npy(data: bytes) -> Float32:
     if array.dtype.kind not in "fiu" or array.ndim < 2 or array.shape[-1] < 3:
         raise MessageError(f"{array.dtype} array of shape {array.shape} holds no x, y, z")
     with np.errstate(over="ignore"):
-        return np.ascontiguousarray(array.reshape(-1, array.shape[-1])[:, :3], np.float32)
+        rows = array.reshape(-1, array.shape[-1])[:, :3]
+        return FilePoints(np.ascontiguousarray(rows, np.float32))
 
 
-def read_pcd(data: bytes) -> Float32:
+def read_pcd(data: bytes) -> FilePoints:
     """Read a PCD: ascii, binary or binary_compressed."""
     header, body = _pcd_header(data)
     try:
@@ -88,8 +97,8 @@ def read_pcd(data: bytes) -> Float32:
     return _columns(PCD_BODIES[kind](body, dtype, count))
 
 
-def _columns(points: NDArray[Any]) -> Float32:
-    """Give x, y, z of a structured array."""
+def _columns(points: NDArray[Any]) -> FilePoints:
+    """Give x, y, z and perhaps the ring of a structured array."""
     names = points.dtype.names or ()
     missing = [name for name in "xyz" if name not in names]
     if missing:
@@ -98,7 +107,16 @@ def _columns(points: NDArray[Any]) -> Float32:
         raise MessageError("fields x, y, z are not numbers")
     with np.errstate(over="ignore"):
         columns = [points[name].reshape(len(points), -1)[:, 0] for name in "xyz"]
-        return np.stack(columns, axis=1).astype(np.float32)
+        xyz = np.stack(columns, axis=1).astype(np.float32)
+    ring = next((points[name].reshape(-1) for name in RING_FIELDS if name in names), None)
+    usable = ring is not None and ring.dtype.kind in "fiu" and len(ring) == len(xyz)
+    return FilePoints(xyz, _rings(ring) if usable and ring is not None else None)
+
+
+def _rings(values: NDArray[Any]) -> NDArray[np.uint16] | None:
+    """Give numbers as rings; none if they cannot be."""
+    whole = (values >= 0) & (values < RINGS) & (values == np.trunc(values))
+    return values.astype(np.uint16) if whole.all() else None
 
 
 def _pcd_header(data: bytes) -> tuple[dict[str, list[str]], bytes]:
@@ -173,7 +191,7 @@ def _compressed(body: bytes, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
     return points
 
 
-READERS: dict[str, Callable[[bytes], Float32]] = {
+READERS: dict[str, Callable[[bytes], FilePoints]] = {
     ".bin": read_bin,
     ".npy": read_npy,
     ".pcd": read_pcd,

@@ -13,12 +13,9 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from twinscrew.runtime.messages.types import Objects
-    from twinscrew.runtime.perception.stage import Perception
-
-LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
-FEW = 0.8
-"""[-] Below this share of points in range on a beam, the sensor is probably another."""
+    from twinscrew.runtime.messages.types import Objects, PointCloud
+    from twinscrew.runtime.perception.foreign import Chosen
+    from twinscrew.runtime.perception.stage import PerceptionSettings
 
 
 def perceive(
@@ -31,8 +28,14 @@ def perceive(
     ],
     height_m: Annotated[
         float | None,
-        typer.Option(help="The sensor's height over the water; echoes from the water are dropped."),
+        typer.Option(help="The sensor's height over the water or the ground, which is dropped."),
     ] = None,
+    ground_m: Annotated[
+        float,
+        typer.Option(
+            help="With --height-m: lower echoes are dropped; on land 0.3 is better.", min=0
+        ),
+    ] = 0.1,
     max_range_m: Annotated[float, typer.Option(help="Farther echoes are not used.")] = 20.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
     plot: Annotated[Path | None, typer.Option(help="Draw a picture into this file.")] = None,
@@ -40,40 +43,45 @@ def perceive(
     """Segment one point cloud file and print its objects."""
     from twinscrew.runtime.messages.types import PointCloud
     from twinscrew.runtime.perception.files import read_cloud
+    from twinscrew.runtime.perception.foreign import LEVEL, choose
+    from twinscrew.runtime.perception.sensor import load_sensor
 
-    points = read_cloud(file) * np.array([1, -1, -1], np.float32)
-    cloud = PointCloud(stamp_ns=0, frame_id=str(file), points_S=points)
-    perception = _perception(sensor, height_m, max_range_m)
-    perception.step(cloud, LEVEL)  # the first scan also pays for touching the memory
+    settings = _settings(height_m, ground_m, max_range_m)
+    described = load_sensor(sensor)
+    points, ring = read_cloud(file)
+    cloud = PointCloud(
+        stamp_ns=0, frame_id=str(file), points_S=points * np.array([1, -1, -1], np.float32)
+    )
+    chosen = choose(cloud, ring, described, settings)
+    chosen.perception.step(cloud, LEVEL)  # the first scan also pays for touching the memory
     begin = time.perf_counter()
-    objects = perception.step(cloud, LEVEL)
-    result = _as_dict(perception, objects, 1e3 * (time.perf_counter() - begin))
+    objects = chosen.perception.step(cloud, LEVEL)
+    time_ms = 1e3 * (time.perf_counter() - begin)
+    result = _as_dict(chosen, objects, time_ms, _notes(chosen, cloud, sensor))
     if plot is not None:
         from twinscrew.runtime.perception.picture import draw
 
-        draw(perception, cloud, objects, plot)
+        draw(chosen.perception, cloud, objects, plot)
     if as_json:
         print(json.dumps(result))
     else:
         _print(Console(), result)
 
 
-def _perception(name: str, height_m: float | None, max_range_m: float) -> Perception:
-    """Make a perception whose vessel is the sensor itself: no hull, and no water unless asked."""
-    from twinscrew.runtime.perception.sensor import Mount, load_sensor
-    from twinscrew.runtime.perception.stage import Perception, PerceptionSettings
+def _settings(height_m: float | None, ground_m: float, max_range_m: float) -> PerceptionSettings:
+    """Give settings for a vessel that is the sensor itself: no hull, and no water unless asked."""
+    from twinscrew.runtime.perception.stage import PerceptionSettings
     from twinscrew.runtime.settings import convert
 
     values: dict[str, Any] = {"max_range_m": max_range_m, "hull": None, "water": None}
     if height_m is not None:
-        values["water"] = {"surface_m": -height_m}
-    settings = convert(values, PerceptionSettings, file="command line")
-    return Perception(load_sensor(name).mounted(Mount(x_m=0.0, y_m=0.0, z_m=0.0)), settings)
+        values["water"] = {"surface_m": -height_m, "clearance_m": ground_m}
+    return convert(values, PerceptionSettings, file="command line")
 
 
-def _as_dict(perception: Perception, objects: Objects, time_ms: float) -> dict[str, Any]:
-    report = perception.report
-    rows = zip(objects.p_B, objects.radius, objects.points, strict=True)
+def _as_dict(chosen: Chosen, objects: Objects, time_ms: float, notes: list[str]) -> dict[str, Any]:
+    report = chosen.perception.report
+    rows, columns = chosen.perception.sensor.image_shape
     return {
         "objects": [
             {
@@ -82,7 +90,7 @@ def _as_dict(perception: Perception, objects: Objects, time_ms: float) -> dict[s
                 "radius_m": round(float(radius), 3),
                 "points": int(count),
             }
-            for p, radius, count in rows
+            for p, radius, count in zip(objects.p_B, objects.radius, objects.points, strict=True)
         ],
         "points": report.points,
         "used_points": report.used,
@@ -90,7 +98,35 @@ def _as_dict(perception: Perception, objects: Objects, time_ms: float) -> dict[s
         "left_out": {
             name: getattr(report, name) for name in ("empty", "range", "no_beam", "water", "hidden")
         },
+        "image": {
+            "rows": rows,
+            "columns": columns,
+            "from": "sensor" if chosen.fits else "points",
+        },
+        "notes": notes,
     }
+
+
+def _notes(chosen: Chosen, cloud: PointCloud, sensor: str) -> list[str]:
+    """Tell what the user may want to change."""
+    from twinscrew.runtime.perception.foreign import KEPT, ground_below
+
+    perception, notes = chosen.perception, []
+    if chosen.kept < KEPT:
+        rows, columns = perception.sensor.image_shape
+        notes.append(
+            f"{sensor} has cells for only {chosen.kept:.0%} of the points in range: is this scan "
+            "from that sensor?"
+            + ("" if chosen.fits else f" The image ({rows} x {columns}) is derived from the points")
+        )
+    image = perception.point_image()
+    ground = ground_below(cloud.points_S[image[image >= 0]])
+    if perception.settings.water is None and ground is not None:
+        notes.append(
+            f"much lies {ground:.2f} m below the sensor: if that is the ground or the water, drop "
+            f"it with --height-m {ground:.2f}, on land also --ground-m 0.3"
+        )
+    return notes
 
 
 def _print(console: Console, result: dict[str, Any]) -> None:
@@ -108,6 +144,5 @@ def _print(console: Console, result: dict[str, Any]) -> None:
         f"{result['used_points']} of {result['points']} points used in {result['time_ms']:.2f} ms"
         + (f"; left out: {left_out}" if left_out else "")
     )
-    in_range = result["points"] - result["left_out"]["empty"] - result["left_out"]["range"]
-    if in_range and result["left_out"]["no_beam"] > (1 - FEW) * in_range:
-        console.print("many points fit no beam: is this scan from that sensor?", style="yellow")
+    for note in result["notes"]:
+        console.print(note, style="yellow")

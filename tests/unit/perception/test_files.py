@@ -19,7 +19,7 @@ def with_columns(count: int) -> np.ndarray:
 def test_a_bin_has_rows_of_four_or_five(tmp_path: Path, columns: int) -> None:
     file = tmp_path / "cloud.bin"
     file.write_bytes(with_columns(columns)[:3].astype("<f4").tobytes())
-    assert read_cloud(file).tolist() == XYZ[:3].tolist()
+    assert read_cloud(file).points.tolist() == XYZ[:3].tolist()
 
 
 @pytest.mark.parametrize("columns", [4, 5])
@@ -29,7 +29,9 @@ def test_whole_numbers_in_every_fifth_place_are_rings(tmp_path: Path, columns: i
         rows[:, 4] = np.arange(20)
     file = tmp_path / "cloud.bin"
     file.write_bytes(rows.astype("<f4").tobytes())
-    assert read_cloud(file).tolist() == np.tile(XYZ, (5, 1)).tolist()
+    ring = read_cloud(file).ring
+    assert (None if ring is None else ring.tolist()) == (list(range(20)) if columns == 5 else None)
+    assert read_cloud(file).points.tolist() == np.tile(XYZ, (5, 1)).tolist()
 
 
 def test_an_npy_may_be_of_any_number_type_organised_or_named(tmp_path: Path) -> None:
@@ -38,7 +40,7 @@ def test_an_npy_may_be_of_any_number_type_organised_or_named(tmp_path: Path) -> 
         named[name] = column
     for array in (XYZ, with_columns(6).astype(np.float64), XYZ.reshape(2, 2, 3), named):
         np.save(tmp_path / "cloud.npy", array)
-        assert read_cloud(tmp_path / "cloud.npy").tolist() == XYZ.tolist()
+        assert read_cloud(tmp_path / "cloud.npy").points.tolist() == XYZ.tolist()
 
 
 def pcd(kind: str, body: bytes, header: str = FIELDS + "POINTS 4\n") -> bytes:
@@ -58,7 +60,7 @@ def test_a_pcd_may_be_ascii_binary_or_compressed(tmp_path: Path) -> None:
     bodies = {"ascii": text, "binary": rows.tobytes(), "binary_compressed": sizes + packed}
     for kind, body in bodies.items():
         (tmp_path / "cloud.pcd").write_bytes(pcd(kind, body))
-        assert read_cloud(tmp_path / "cloud.pcd").tolist() == XYZ.tolist(), kind
+        assert read_cloud(tmp_path / "cloud.pcd").points.tolist() == XYZ.tolist(), kind
 
 
 def test_pcd_padding_and_counts_are_skipped(tmp_path: Path) -> None:
@@ -70,7 +72,7 @@ def test_pcd_padding_and_counts_are_skipped(tmp_path: Path) -> None:
     for name, column in zip("xyz", XYZ.T, strict=True):
         rows[name] = column
     (tmp_path / "cloud.pcd").write_bytes(pcd("binary", rows.tobytes(), header))
-    assert read_cloud(tmp_path / "cloud.pcd").tolist() == XYZ.tolist()
+    assert read_cloud(tmp_path / "cloud.pcd").points.tolist() == XYZ.tolist()
 
 
 @pytest.mark.parametrize(
