@@ -163,6 +163,25 @@ def test_it_keeps_the_followed_vessel_in_the_middle(page, viewer):
     assert told(page, "following") == "", "who moves the chart looks elsewhere"
 
 
+def test_dragging_and_the_wheel_move_the_chart(page, viewer):
+    visit(page, viewer)
+    page.keyboard.press("Space")
+    until(lambda: page.locator("#play").inner_text() == "Play")
+    page.keyboard.press("1")
+    until(lambda: colours(page, *MIDDLE).get(style_colour(page, "v0"), 0) > 20)
+    near = colours(page)[style_colour(page, "v0")]
+    page.mouse.move(300, 300)
+    page.mouse.wheel(0, -600)
+    until(lambda: colours(page).get(style_colour(page, "v0"), 0) > 2 * near)
+    page.mouse.down()
+    page.mouse.move(60, 100, steps=4)
+    page.mouse.up()
+    assert told(page, "following") == ""
+    until(lambda: colours(page, *MIDDLE).get(style_colour(page, "v0"), 0) == 0)
+    page.locator("#fit").click()
+    until(lambda: 0 < colours(page).get(style_colour(page, "v0"), 0) < 2 * near)
+
+
 def seek(page, seconds):
     page.locator("#slider").fill(str(seconds))
     until(lambda: abs(float(told(page, "time")) - seconds) < 1.0)

@@ -5,18 +5,28 @@ const ZOOM = 1.25;
 const WHEEL_PER_E = 600; // pixels of wheel for a factor of e
 
 export function pointerControls(canvas, camera, { moved, letGo }) {
-  let grip = null;
+  const fingers = new Map(); // pointer -> [x, y]
   canvas.addEventListener("pointerdown", (event) => {
-    grip = event.pointerId;
-    canvas.setPointerCapture(grip);
+    canvas.setPointerCapture(event.pointerId);
+    fingers.set(event.pointerId, [event.offsetX, event.offsetY]);
   });
   canvas.addEventListener("pointermove", (event) => {
-    if (event.pointerId !== grip || !(event.movementX || event.movementY)) return;
-    letGo();
-    camera.pan(-event.movementX, -event.movementY);
+    const before = fingers.get(event.pointerId);
+    if (!before) return;
+    const now = [event.offsetX, event.offsetY];
+    const others = [...fingers].filter(([id]) => id !== event.pointerId).map(([, place]) => place);
+    fingers.set(event.pointerId, now);
+    if (others.length) {
+      camera.zoom(distance(now, others[0]) / Math.max(distance(before, others[0]), 1), ...others[0]);
+    } else if (distance(now, before) > 0) {
+      letGo();
+      camera.pan(before[0] - now[0], before[1] - now[1]);
+    }
     moved();
   });
-  for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => (grip = null));
+  for (const end of ["pointerup", "pointercancel"]) {
+    canvas.addEventListener(end, (event) => fingers.delete(event.pointerId));
+  }
   canvas.addEventListener(
     "wheel",
     (event) => {
@@ -61,4 +71,8 @@ function hasOwnKeys(element, key) {
   if (element.closest("dialog") || element.tagName === "SELECT") return true;
   if (element.type === "range") return key.startsWith("Arrow");
   return key === " " && ["BUTTON", "INPUT"].includes(element.tagName);
+}
+
+function distance([x0, y0], [x1, y1]) {
+  return Math.hypot(x1 - x0, y1 - y0);
 }
