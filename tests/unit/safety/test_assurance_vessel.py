@@ -1,3 +1,7 @@
+import re
+import tomllib
+from pathlib import Path
+
 import numpy as np
 import pytest
 from tests.reference.sailing import calm, sail
@@ -6,6 +10,7 @@ from twinscrew.hil_sim.vessel.dynamics import VesselDynamics
 from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.hil_sim.vessel.rest import at_rest
 from twinscrew.hil_sim.vessel.state import VesselState
+from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.policy.vessel_model import VesselModel, VesselParameters
 from twinscrew.runtime.safety.assurance_vessel import (
@@ -107,3 +112,9 @@ def test_the_extent_reaches_the_farthest_circles_edge():
 def test_a_vessel_that_cannot_be_is_refused(wrong):
     with pytest.raises(ConfigError):
         convert(wrong, AssuranceVessel)
+
+
+def test_the_documents_example_is_the_published_vessel():
+    text = (Path(__file__).parents[3] / "docs" / "assurance.md").read_text()
+    (example,) = re.findall(r"```toml\n(.*?)```", text, re.DOTALL)
+    assert convert(tomllib.loads(example), RuntimeConfig).assurance.vessel == PUBLISHED
