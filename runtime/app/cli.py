@@ -25,6 +25,7 @@ SUMMARIES = {
     "view": "Show boats in a browser on this machine: under way, or from a recording.",
     "run": "Run one vessel's runtime: what is deployed on the boat.",
     "train": "Train policies in the fast environment.",
+    "train-report": "Draw the learning curves of training runs.",
     "export": "Turn a training run's actor into a self-contained ONNX file.",
     "evaluate": "Score a policy in the training environment.",
     "experiment": "Sail the paper's experiments: many episodes, several methods.",
@@ -101,7 +102,7 @@ def _load(entry: EntryPoint) -> Callable[..., None]:
     try:
         function: Callable[..., None] = entry.load()
     except ModuleNotFoundError as error:
-        extra = "train" if entry.name in {"train", "export", "evaluate"} else "sim"
+        extra = "train" if entry.name in {"train", "train-report", "export", "evaluate"} else "sim"
         raise TwinscrewError(
             f"'{entry.name}' needs the package {error.name!r}: pip install 'twinscrew[{extra}]'"
         ) from error
