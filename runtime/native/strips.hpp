@@ -36,7 +36,11 @@ class Strips {
     strips_.clear();
     for (int row = 0; row < image.rows(); ++row) {
       cut(image, row, circle_of);
-      if (wraps && row_.size() > 1) close_seam(image.columns());
+      if (wraps) {
+        close_seam(image.columns());
+      } else {
+        leave_edges(image.columns());
+      }
       for (const Piece& piece : row_) keep(piece);
     }
     std::sort(strips_.begin(), strips_.end(), before);
@@ -100,6 +104,7 @@ class Strips {
 
   // The last column of a full turn is beside the first.
   void close_seam(int columns) {
+    if (row_.size() < 2) return;
     Piece &begin = row_.front(), &end = row_.back();
     const int apart = begin.first.column + columns - end.last.column;
     if (!one(end.last, begin.first)) {
@@ -113,6 +118,13 @@ class Strips {
     end.count += begin.count;
     end.whole = end.whole && begin.whole;
     begin.whole = false;
+  }
+
+  // What ends where the image ends may go on where nothing is looked at.
+  void leave_edges(int columns) {
+    if (row_.empty()) return;
+    if (row_.front().first.column == 0) row_.front().whole = false;
+    if (row_.back().last.column == columns - 1) row_.back().whole = false;
   }
 
   void keep(const Piece& piece) {

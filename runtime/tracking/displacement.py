@@ -44,6 +44,9 @@ class DisplacementSettings(Settings, frozen=True, kw_only=True):
     """[s] Strips are not looked for after this long."""
     limit_sigma: Positive = 2.0
     """[-] Velocities beyond this Mahalanobis distance are trusted less the farther they are off."""
+    astray: Positive = 0.4
+    """[-] A centroid that seems to be off by this share of the radius tells that the strips lie:
+    while it is, they are not asked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +111,6 @@ class Displacement:
         )
         if not shift.pairs:
             return None
-        floor = self.settings.floor_m**2
-        R = np.array([[shift.xx + floor, shift.xy], [shift.xy, shift.yy + floor]]) / dt**2
-        return MeasuredVelocity(np.array([shift.x, shift.y]) / dt, R)
+        floor, cross = self.settings.floor_m**2, shift.xy / dt**2
+        R = [[(shift.xx + floor) / dt**2, cross], [cross, (shift.yy + floor) / dt**2]]
+        return MeasuredVelocity(np.array([shift.x / dt, shift.y / dt]), np.array(R))

@@ -130,7 +130,7 @@ def doubted(
         The distance [-].
     """
     y, S = velocity.v_N - x[2:4], P[2:4, 2:4] + velocity.R
-    excess = float(y @ inverse_2x2(S) @ y) / limit_sigma**2 - 1.0
+    excess = _distance2(y, S) / limit_sigma**2 - 1.0
     return velocity if excess <= 0.0 else replace(velocity, R=velocity.R + excess * S)
 
 
@@ -145,6 +145,14 @@ def first_covariance(H: Float64, R: Float64, prior: Float64) -> Float64:
     P[4:, :2] = P[:2, 4:].T
     P[:2, :2] = H_b @ P[4:, 4:] @ H_b.T + R
     return P
+
+
+def _distance2(y: Float64, S: Float64) -> float:
+    """Give y S^-1 y of (2,) and (2, 2)."""
+    (a, b), (c, d) = S.tolist()
+    north, east = y.tolist()
+    product: float = d * north**2 + a * east**2 - (b + c) * north * east
+    return product / (a * d - b * c)
 
 
 def inverse_2x2(S: Float64) -> Float64:

@@ -7,6 +7,7 @@ death. No clock and no randomness: time comes with the objects' stamps.
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 import numpy as np
@@ -162,6 +163,9 @@ class Tracker:
     def _velocity(self, track: Track, sight: Sight) -> MeasuredVelocity | None:
         """Let a track's strips say how fast it went since it was last seen."""
         x, P = track.filter.x, track.filter.P
+        astray = self.settings.displacement.astray * track.radius
+        if math.hypot(x[4], x[5]) > astray:
+            return None
         velocity = self._displacement.measure(track.sight, sight, x[2:4], x[:2])
         if velocity is None:
             return None

@@ -2,11 +2,14 @@
 
 import importlib.util
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.runtime.messages.types import Strips
 from twinscrew.runtime.tracking.measurement import MeasurementSettings
 from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
 
@@ -200,3 +203,42 @@ def test_a_reported_message_is_not_changed_by_later_scans():
         tracker.step(scene.objects([[10.0, 0.1 * k]], here), here)
     assert np.array_equal(answer.p_N, kept[0])
     assert np.array_equal(answer.covariance, kept[1])
+
+
+HULL = np.array([[-1.0, 0.9, 3.8, 80], [0.2, -0.9, 2.6, 60], [0.1, 0.0, 0.8, 20]])
+"""Strips of a vessel from its centre: forward, starboard [m]; length [m]; echoes."""
+
+
+def seen_with_strips(k, jumps, speed=2.0):
+    """A vessel that goes north past the own one; its centroid jumps, its strips do not."""
+    here, north = scene.odometry(k * scene.SCAN, yaw=0.7), speed * 0.1 * k - 3.0
+    rows_N = HULL + np.array([north, 10.0, 0.0, 0.0])
+    rows_B = rows_N.copy()
+    rows_B[:, :2] = rows_N[:, :2] @ rotation_2d(0.7)
+    seen = scene.objects([[north + jumps[k], 10.0]], here, radius=2.5)
+    return replace(seen, strips=Strips(begin=np.array([0, 3]), rows_B=rows_B)), here
+
+
+def test_a_centroid_that_jumps_does_not_spoil_a_velocity_that_strips_tell():
+    jumps = np.random.default_rng(4).choice([-0.2, 0.2], 40)
+    tracker, blind = Tracker(POINTS), Tracker(POINTS)
+    error, without = [], []
+    for k in range(40):
+        seen, here = seen_with_strips(k, jumps)
+        answer, same = tracker.step(seen, here), blind.step(replace(seen, strips=None), here)
+        if k >= 13:
+            error.append(answer.v_N[0] - [2.0, 0.0])
+            without.append(same.v_N[0] - [2.0, 0.0])
+    assert np.sqrt(np.mean(np.square(error))) < 0.05
+    assert np.sqrt(np.mean(np.square(error))) < 0.3 * np.sqrt(np.mean(np.square(without)))
+
+
+def test_strips_that_lie_do_not_keep_a_track_from_its_object():
+    """Strips that stand still while the object goes 8 m: it is never farther off than its size."""
+    tracker = Tracker(POINTS)
+    for k in range(40):
+        seen, here = seen_with_strips(k, np.zeros(40))
+        still = seen_with_strips(0, np.zeros(40))[0].strips
+        answer = tracker.step(replace(seen, strips=still), here)
+    assert len(answer.id) == 1
+    assert np.hypot(*(answer.p_N[0] - [2.0 * 3.9 - 3.0, 10.0])) < 2.5
