@@ -15,6 +15,7 @@ from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.supervisor import SupervisorSettings
 from twinscrew.runtime.errors import ConfigError, one_of
+from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.settings import CONFIG_DIR
 
 ABLATIONS = {
@@ -22,6 +23,7 @@ ABLATIONS = {
     "ideal_tracking": "the policy is given the true centres, radii and velocities",
     "no_wind": "no wind",
     "no_waves": "flat water",
+    "no_assurance": "the policy's thrust goes to the propellers unchecked, as in the paper",
     "training_vessel": "mass, inertia, drag and thrusters of the training environment",
     "goal_4m": "a goal is reached within 4 m, as the authors' code has it for APF and MPC",
     "vanish": "vessels leave the map at their goals, as in training",
@@ -71,6 +73,11 @@ def vessel_of(switches: Switches) -> str:
 def eased(scenario: Scenario, switches: Switches) -> Scenario:
     """Widen the goals."""
     return replace(scenario, goal_radius=4.0) if "goal_4m" in switches else scenario
+
+
+def assurance(switches: Switches) -> AssuranceSettings:
+    """Say whether the policy's commands are checked."""
+    return AssuranceSettings(enabled="no_assurance" not in switches)
 
 
 def supervision(switches: Switches) -> SupervisorSettings:

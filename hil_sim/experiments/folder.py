@@ -73,7 +73,7 @@ def begin(path: Path, experiment: Experiment) -> Folder:
 
 
 def go_on(path: Path, asked: Mapping[str, Any]) -> Folder:
-    """Open a results' folder to go on with its experiment, or to add episodes or methods to it.
+    """Open a results' folder to go on with its experiment, or to add episodes, methods or variants.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def origin() -> Origin:
 
 def _differences(there: Experiment, asked: Mapping[str, Any]) -> Iterator[str]:
     """Tell what was asked for that the results are not of; they may grow."""
-    for key in ("sets", "seed", "sensor", "variants"):
+    for key in ("sets", "seed", "sensor"):
         before = getattr(there, key)
         if key in asked and asked[key] != before:
             yield f"{key} {_plain(before)}, not {_plain(asked[key])}"
@@ -121,6 +121,7 @@ def _grown(there: Experiment, asked: Mapping[str, Any]) -> Experiment:
     return msgspec.structs.replace(
         there,
         methods=(*there.methods, *new),
+        variants=tuple(dict.fromkeys((*there.variants, *asked.get("variants", ())))),
         episodes=asked.get("episodes", there.episodes),
     )
 

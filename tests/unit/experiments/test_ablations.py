@@ -3,6 +3,7 @@ import pytest
 
 from twinscrew.hil_sim.experiments.ablations import (
     ABLATIONS,
+    assurance,
     calmed,
     eased,
     label,
@@ -54,6 +55,8 @@ def test_goals_and_arrivals_are_as_the_switches_say() -> None:
     scenario = load_scenario("head_on")
     assert eased(scenario, ()).goal_radius == 2.0
     assert eased(scenario, ("goal_4m",)).goal_radius == 4.0
+    assert assurance(()).enabled
+    assert not assurance(("no_assurance",)).enabled
     assert supervision(()).after_goal == "hold"
     assert supervision(("vanish",)).after_goal == "vanish"
 

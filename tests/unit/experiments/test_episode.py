@@ -1,7 +1,6 @@
 import pytest
-from tests.unit.experiments.episodes import vessel
 
-from twinscrew.hil_sim.experiments.episode import cause, sail_episode
+from twinscrew.hil_sim.experiments.episode import sail_episode
 from twinscrew.hil_sim.experiments.plan import Task, parse_methods
 from twinscrew.hil_sim.experiments.sets import SetSettings
 from twinscrew.hil_sim.scenario import load_scenario
@@ -56,13 +55,3 @@ def test_what_fails_is_an_error_and_not_a_result() -> None:
     lost = task(set=SetSettings(name="lost", scenario="no_such"))
     with pytest.raises(TwinscrewError, match=r"episode \(ac_iqn, lost, full, 0\).*no_such"):
         sail_episode(lost)
-
-
-def test_the_cause_is_that_of_the_first_failure() -> None:
-    late = vessel("timeout", 90.0)
-    buoy = vessel("collision", 12.0, "buoy")
-    two = vessel("collision", 15.0, "vessel")
-    assert cause((vessel(), vessel())) is None
-    assert cause((late, vessel())) == "time"
-    assert cause((late, two, buoy, two)) == "buoy"
-    assert cause((two, late, two)) == "vessel"

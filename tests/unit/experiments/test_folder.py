@@ -1,7 +1,6 @@
 from pathlib import Path
 
 import pytest
-from msgspec.structs import replace
 
 from twinscrew.hil_sim.experiments.folder import FILE, begin, go_on, read_folder
 from twinscrew.hil_sim.experiments.plan import Experiment, Method
@@ -29,7 +28,6 @@ def test_a_folder_carries_its_experiment(tmp_path: Path) -> None:
         {"seed": 1},
         {"episodes": 99},
         {"sensor": "vrx16"},
-        {"variants": ((),)},
         {"sets": (SetSettings(name="one", vessels=3),)},
     ],
 )
@@ -48,11 +46,17 @@ def test_a_method_with_another_policy_is_refused(tmp_path: Path) -> None:
         go_on(tmp_path / "x", {"methods": (other,)})
 
 
-def test_an_experiment_may_grow_by_episodes_and_methods(tmp_path: Path) -> None:
+def test_an_experiment_may_grow_by_episodes_methods_and_variants(tmp_path: Path) -> None:
     begin(tmp_path / "x", EXPERIMENT)
     mpc = Method(name="mpc", policy="mpc", sha256="3")
-    grown = go_on(tmp_path / "x", {"methods": (mpc,), "episodes": 200}).experiment
-    assert grown == replace(EXPERIMENT, methods=(*EXPERIMENT.methods, mpc), episodes=200)
+    more = {"methods": (mpc,), "episodes": 200, "variants": ((), ("vanish",))}
+    grown = go_on(tmp_path / "x", more).experiment
+    assert grown == Experiment(
+        methods=(*EXPERIMENT.methods, mpc),
+        sets=EXPERIMENT.sets,
+        episodes=200,
+        variants=(*EXPERIMENT.variants, ("vanish",)),
+    )
     assert read_folder(tmp_path / "x").experiment == grown
     assert go_on(tmp_path / "x", {}).experiment == grown
 
