@@ -12,7 +12,8 @@ from typing import Annotated
 import typer
 
 from twinscrew.hil_sim.viewer import open_source
-from twinscrew.hil_sim.viewer.server import HOST, listen, serve
+from twinscrew.hil_sim.viewer.loopback import HOST, listen
+from twinscrew.hil_sim.viewer.server import serve
 from twinscrew.hil_sim.viewer.source import Source
 from twinscrew.runtime.errors import ConfigError
 

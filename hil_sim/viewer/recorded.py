@@ -66,9 +66,10 @@ class RecordedSource:
         Raises
         ------
         RecordingError
-            There is no recording, or it is damaged or empty.
+            There is no recording, one is damaged or empty, or two are of the same vessel.
         """
         recordings = find_recordings(path, mapping)
+        _refuse_twins(path, recordings)
         begins = [_first_ns(recording) for recording in recordings]
         self.names: Sequence[str] = tuple(recording.vessel for recording in recordings)
         self.scene: Scene = read_scene(path) if path.is_dir() else Scene()
@@ -108,6 +109,16 @@ class RecordedSource:
         self._films.append(film)
         self._trails[recording.vessel] = vessel.trail.places
         return vessel
+
+
+def _refuse_twins(path: Path, recordings: Sequence[Recording]) -> None:
+    names = [recording.vessel for recording in recordings]
+    for recording in recordings:
+        if names.count(recording.vessel) > 1:
+            folders = ", ".join(r.path.name for r in recordings if r.vessel == recording.vessel)
+            raise RecordingError(
+                f"{path}: {recording.vessel} was recorded in {folders}: choose one"
+            )
 
 
 def _first_ns(recording: Recording) -> int:

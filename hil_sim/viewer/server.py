@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import errno
 import socket
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Final
 
@@ -18,12 +17,11 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from twinscrew.hil_sim.viewer.greeting import greeting
 from twinscrew.hil_sim.viewer.live import LiveSource
+from twinscrew.hil_sim.viewer.loopback import only_from_here
 from twinscrew.hil_sim.viewer.player import Player
 from twinscrew.hil_sim.viewer.source import Source
 from twinscrew.hil_sim.viewer.wire import decode_request, encode_greeting
-from twinscrew.runtime.errors import ConfigError
 
-HOST: Final = "127.0.0.1"
 PAGE: Final = Path(__file__).parent / "page"
 PERIOD_S: Final = 0.1
 """[s] Between two frames: 10 Hz, the LiDAR's rate."""
@@ -31,13 +29,6 @@ HEARTBEAT_S: Final = 5.0
 """[s] A page that does not answer for this long is let go."""
 LONGEST_REQUEST: Final = 1024
 """[B] What a page asks for is shorter."""
-HEADERS: Final = {
-    "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'",
-    "X-Content-Type-Options": "nosniff",
-    "Cache-Control": "no-cache",
-}
-
-Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class Server:
@@ -49,7 +40,7 @@ class Server:
 
     def app(self) -> web.Application:
         """Give the application to serve."""
-        app = web.Application(middlewares=[_only_from_here])
+        app = web.Application(middlewares=[only_from_here])
         app.add_routes(
             [
                 web.get("/", self._index),
@@ -121,44 +112,6 @@ async def _follow(source: LiveSource) -> None:
     while True:
         source.follow()
         await asyncio.sleep(PERIOD_S / 2)
-
-
-@web.middleware
-async def _only_from_here(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Refuse what a foreign page might send from this machine's browser, and name no CDN."""
-    origin = request.headers.get("Origin")
-    if not _is_local(request.host) or (origin and origin.partition("://")[2] != request.host):
-        raise web.HTTPForbidden(text="twinscrew's view answers its own page on this machine only")
-    response = await handler(request)
-    if not response.prepared:
-        response.headers.update(HEADERS)
-    return response
-
-
-def _is_local(host: str) -> bool:
-    return host.rpartition(":")[0].strip("[]") in {"127.0.0.1", "localhost", "::1"}
-
-
-def listen(port: int) -> socket.socket:
-    """Take a port of this machine; 0 takes any.
-
-    Raises
-    ------
-    ConfigError
-        Somebody else has it.
-    """
-    taken = socket.socket()
-    taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        taken.bind((HOST, port))
-        taken.listen()
-    except OSError as error:
-        taken.close()
-        if error.errno not in {errno.EADDRINUSE, errno.EACCES}:
-            raise
-        why = "is in use" if error.errno == errno.EADDRINUSE else "is not ours to use"
-        raise ConfigError(f"port {port} {why}; choose another", key="--port") from error
-    return taken
 
 
 async def serve(source: Source, port: socket.socket, stop: asyncio.Event) -> None:

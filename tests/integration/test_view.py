@@ -9,11 +9,15 @@ import sys
 import time
 from dataclasses import replace
 
+import msgspec
+import numpy as np
 import pytest
+from matplotlib.path import Path
 
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlSettings, sail
 from twinscrew.hil_sim.viewer.scene import write_scene
+from twinscrew.runtime.policy.colregs import ColregsSettings, in_crossing_zone, in_head_on_zone
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 pytestmark = pytest.mark.skipif(
@@ -180,6 +184,22 @@ def test_dragging_and_the_wheel_move_the_chart(page, viewer):
     until(lambda: colours(page, *MIDDLE).get(style_colour(page, "v0"), 0) == 0)
     page.locator("#fit").click()
     until(lambda: 0 < colours(page).get(style_colour(page, "v0"), 0) < 2 * near)
+
+
+def test_the_drawn_zones_are_those_that_the_runtime_checks(page, viewer):
+    visit(page, viewer)
+    drawn = page.evaluate(
+        """async (zones) => {
+            const { headOnZone, crossingZone } = await import("/zones.js");
+            return [headOnZone(zones), crossingZone(zones)];
+        }""",
+        msgspec.to_builtins(ColregsSettings()),
+    )
+    x, y = np.random.default_rng(0).uniform(-20.0, 20.0, (2, 20_000))
+    for corners, inside in zip(drawn, (in_head_on_zone, in_crossing_zone), strict=True):
+        shown = Path(corners).contains_points(np.column_stack([x, y]))
+        assert 0.05 < shown.mean() < 0.5
+        np.testing.assert_array_equal(shown, inside(x, y))
 
 
 def seek(page, seconds):

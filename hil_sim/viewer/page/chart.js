@@ -3,6 +3,7 @@
 import { colours, vesselColour } from "./theme.js";
 import * as layers from "./layers.js";
 import { drawVessel } from "./vessel.js";
+import { drawZones } from "./zones.js";
 
 const FEW = 3; // so many vessels' details can be told apart
 const PALE = 0.3;
@@ -66,7 +67,7 @@ export class Chart {
     const detailed = isFollowed || (!model.followed && model.vessels.length <= FEW);
     if (shown.trails) layers.drawTrail(pen, camera, model.trail(vessel.name), colour);
     if (shown.zones && (isFollowed || !model.followed)) {
-      layers.drawZones(pen, camera, vessel, model.greeting.zones, isFollowed);
+      drawZones(pen, camera, vessel, model.greeting.zones, isFollowed);
     }
     if (shown.goals) layers.drawGoal(pen, camera, vessel, model.greeting.goal_radius_m, colour);
     if (shown.objects && detailed) layers.drawObjects(pen, camera, vessel, colour);

@@ -1,12 +1,12 @@
 // The chart's layers. Places in metres north and east; `pen` is a canvas context in CSS pixels.
 
+import { arrow, circle, line, polygon, rectangle, text } from "./pen.js";
 import { colours } from "./theme.js";
 
 const GRID_STEPS_M = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 const GRID_PX = 64;
 const AHEAD_S = 3; // velocities are drawn as the way of this long
 const ECHO_PX = 1.5;
-const HEAD_ON = 1; // runtime.policy.colregs.Situation
 
 export function drawGrid(pen, camera) {
   const step = gridStep(camera);
@@ -143,80 +143,6 @@ export function drawTracks(pen, camera, { tracks }, colour, detailed) {
     arrow(pen, x, y, x + AHEAD_S * vEast * camera.scale, y - AHEAD_S * vNorth * camera.scale);
   }
   pen.globalAlpha = alpha;
-}
-
-// The zones around what moves; of a vessel that is not followed, only those that ask something.
-export function drawZones(pen, camera, { tracks }, zones, all) {
-  const alpha = pen.globalAlpha;
-  for (const { north, east, vNorth, vEast, situation } of tracks) {
-    if (Math.hypot(vNorth, vEast) < zones.min_speed_mps || !(all || situation)) continue;
-    const course = Math.atan2(vEast, vNorth);
-    const place = ([ahead, starboard]) => offset(camera, north, east, course, ahead, starboard);
-    for (const [rule, outline] of [[HEAD_ON, headOnZone(zones)], [HEAD_ON + 1, crossingZone(zones)]]) {
-      const asks = situation === rule;
-      if (!asks && !all) continue;
-      polygon(pen, outline.map(place));
-      pen.fillStyle = pen.strokeStyle = asks ? colours.danger : colours.caution;
-      pen.globalAlpha = alpha * (asks ? 0.16 : 0.05);
-      pen.fill();
-      pen.globalAlpha = alpha * (asks ? 0.8 : 0.3);
-      pen.lineWidth = 1;
-      pen.stroke();
-    }
-  }
-  pen.globalAlpha = alpha;
-}
-
-function headOnZone({ head_on_ahead_m: ahead, head_on_half_width_m: half }) {
-  return [[0, -half], [ahead, -half], [ahead, half], [0, half]];
-}
-
-function crossingZone({ crossing_ahead_m: ahead, crossing_astern_m: astern, crossing_port_m: port, crossing_corner_m: corner }) {
-  return [[-astern, 0], [0, 0], [ahead, -corner], [ahead, -port], [-astern, -port]];
-}
-
-// A place ahead and to starboard [m] of another one, in pixels.
-export function offset(camera, north, east, heading, ahead, starboard) {
-  const [c, s] = [Math.cos(heading), Math.sin(heading)];
-  return [camera.x(east + s * ahead + c * starboard), camera.y(north + c * ahead - s * starboard)];
-}
-
-export function polygon(pen, corners) {
-  pen.beginPath();
-  for (const [x, y] of corners) pen.lineTo(x, y);
-  pen.closePath();
-}
-
-export function text(pen, words, x, y, align = "left") {
-  pen.font = "12px system-ui, 'DejaVu Sans', sans-serif";
-  pen.textAlign = align;
-  pen.fillText(words, x, y);
-}
-
-function rectangle(camera, north, east, heading, halfLength, halfWidth) {
-  const corners = [[1, 1], [1, -1], [-1, -1], [-1, 1]];
-  return corners.map(([a, b]) => offset(camera, north, east, heading, a * halfLength, b * halfWidth));
-}
-
-function circle(pen, camera, north, east, radius, leastPx) {
-  pen.beginPath();
-  pen.arc(camera.x(east), camera.y(north), Math.max(radius * camera.scale, leastPx), 0, 2 * Math.PI);
-}
-
-function line(pen, x0, y0, x1, y1) {
-  pen.beginPath();
-  pen.moveTo(x0, y0);
-  pen.lineTo(x1, y1);
-  pen.stroke();
-}
-
-function arrow(pen, x0, y0, x1, y1) {
-  const length = Math.hypot(x1 - x0, y1 - y0);
-  if (length < 6) return;
-  line(pen, x0, y0, x1, y1);
-  const [dx, dy] = [(x1 - x0) / length, (y1 - y0) / length];
-  polygon(pen, [[x1, y1], [x1 - 7 * dx + 3 * dy, y1 - 7 * dy - 3 * dx], [x1 - 7 * dx - 3 * dy, y1 - 7 * dy + 3 * dx]]);
-  pen.fill();
 }
 
 function gridStep(camera) {

@@ -1,7 +1,7 @@
 // A catamaran seen from above: two floats, a deck between them, its name beside it.
 
+import { offset, polygon, text } from "./pen.js";
 import { colours } from "./theme.js";
-import { offset, polygon, text } from "./layers.js";
 
 const SMALL_PX_PER_M = 3; // below this a pointed outline says more than two floats
 const FLOAT_WIDTH = 0.3; // of the half beam

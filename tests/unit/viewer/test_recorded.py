@@ -1,6 +1,7 @@
 """A recording as a film."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -88,6 +89,13 @@ def test_a_vessel_that_fell_silent_before_the_end_is_shown_so(run, monkeypatch):
 def test_one_vessels_recording_can_be_shown_alone(run):
     source = RecordedSource(run / "wamv2")
     assert source.names == ("wamv2",)
+
+
+def test_two_recordings_of_one_vessel_are_refused(run, tmp_path):
+    for name in ("recording", "recording-20261121-120000"):
+        shutil.copytree(run / "wamv1" / "recording", tmp_path / name)
+    with pytest.raises(RecordingError, match="recording, recording-20261121-120000: choose one"):
+        RecordedSource(tmp_path)
 
 
 def test_a_folder_without_a_recording_is_refused(tmp_path):

@@ -9,10 +9,10 @@ import pytest
 from aiohttp import WSServerHandshakeError
 from aiohttp.test_utils import TestClient, TestServer
 
+from twinscrew.hil_sim.viewer.loopback import HOST
 from twinscrew.hil_sim.viewer.recorded import RecordedSource
-from twinscrew.hil_sim.viewer.server import HOST, PAGE, PERIOD_S, Server, listen
+from twinscrew.hil_sim.viewer.server import PAGE, PERIOD_S, Server
 from twinscrew.hil_sim.viewer.wire import Part
-from twinscrew.runtime.errors import ConfigError
 
 
 @pytest.fixture(scope="module")
@@ -182,15 +182,3 @@ def test_a_page_that_does_not_read_gets_its_frames_made_no_faster_than_it_takes_
             await page.receive_bytes()  # the line goes on once somebody does
 
     with_client(Counted(source), visit)
-
-
-def test_a_port_in_use_is_refused_in_words():
-    with listen(0) as taken:
-        port = taken.getsockname()[1]
-        with pytest.raises(ConfigError, match=f"--port: port {port} is in use"):
-            listen(port)
-
-
-def test_only_this_machine_is_listened_to():
-    with listen(0) as taken:
-        assert taken.getsockname()[0] == "127.0.0.1"
