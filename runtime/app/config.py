@@ -10,6 +10,7 @@ from typing import Literal
 
 from msgspec.structs import replace
 
+from twinscrew.runtime.app.ground import GroundSettings
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.odometry_buffer import OdometryBufferSettings
 from twinscrew.runtime.app.odometry_source import AlignmentSettings
@@ -58,6 +59,7 @@ class RuntimeConfig(Settings, frozen=True):
     alignment: AlignmentSettings = AlignmentSettings()
     bus: ZenohSettings = ZenohSettings()
     autopilot: AutopilotSettings = AutopilotSettings()
+    ground: GroundSettings = GroundSettings()
     recording: RecordingSettings = RecordingSettings()
 
     def __post_init__(self) -> None:

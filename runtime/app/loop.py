@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 
 from twinscrew.runtime.app.controller import Controller
+from twinscrew.runtime.app.ground import GroundReport
 from twinscrew.runtime.app.latency import Latencies
 from twinscrew.runtime.app.notify import ServiceManager
 from twinscrew.runtime.app.outlet import Outlet
@@ -38,6 +39,7 @@ class Loop:
         outlet: Outlet,
         *,
         rate_hz: float,
+        ground: GroundReport | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.latencies = Latencies()
@@ -49,6 +51,7 @@ class Loop:
         self._inbox = inbox
         self._transport = transport
         self._outlet = outlet
+        self._ground = ground or GroundReport()
         self._period_s = 1.0 / rate_hz
         self._clock = clock
         self._next_tick_s = clock()
@@ -75,7 +78,8 @@ class Loop:
         handled = self._controller.take_in(message.topic, message.payload, self._clock())
         if handled.decision is not None:
             self._send(self._controller.command(self._clock()))
-            self._note_latency(message)
+            latency_ms = self._note_latency(message)
+            self._ground.decided(handled.decision, latency_ms, self._clock())
             self._outlet.decided(handled.decision, self._controller.thrust)
         self._outlet.happened(handled.events)
 
@@ -87,6 +91,7 @@ class Loop:
         if engagement is not None:
             self._outlet.engaged(engagement)
             self._controller.take_in("engagement", engagement, now_s)
+        self._controller.link.tell(self._ground.due(now_s))
         self._send(self._controller.command(now_s))
         self._outlet.happened(events)
         self._outlet.thrust(self._controller.thrust)
@@ -106,7 +111,7 @@ class Loop:
             behind = int((now_s - self._next_tick_s) / self._period_s) + 1
             self._next_tick_s += behind * self._period_s
 
-    def _note_latency(self, message: Received) -> None:
+    def _note_latency(self, message: Received) -> float:
         latency_ms = (time.monotonic_ns() - message.received_ns) / NANOSECONDS_PER_MS
         self.latencies.add(latency_ms)
         if message.sent_ns:
@@ -114,6 +119,7 @@ class Loop:
         if latency_ms > OVERRUN_MS:
             self.overruns += 1
             self._happened(OVERRUN.at(self._controller.stamp_ns, f"{latency_ms:.0f} ms"))
+        return latency_ms
 
     def _receive(self) -> bytes:
         try:

@@ -11,6 +11,7 @@ import msgspec
 
 from twinscrew.runtime.app.assemble import make_controller
 from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
+from twinscrew.runtime.app.ground import GroundReport
 from twinscrew.runtime.app.loop import Loop
 from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.app.recorder import Recorder
@@ -128,7 +129,12 @@ class Session:
         self._inbox = Inbox()
         self._inbox.listen(bus, inputs_of(config))
         self.loop = Loop(
-            controller, self._inbox, transport, self._outlet, rate_hz=config.command_rate_hz
+            controller,
+            self._inbox,
+            transport,
+            self._outlet,
+            rate_hz=config.command_rate_hz,
+            ground=GroundReport(config.ground),
         )
 
     def _open_recorder(self, policy: Policy) -> Recorder | None:

@@ -9,6 +9,7 @@ docs/mavlink.md tells what is sent when, and what a pilot can do.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 
 from twinscrew.runtime.link import commands
@@ -132,6 +133,10 @@ class AutopilotLink:
     def say(self, text: str, severity: Severity = Severity.INFO) -> None:
         """Send a text to the ground station (STATUSTEXT) with the next tick."""
         self._outbox += commands.statustext(text, severity)
+
+    def tell(self, messages: Iterable[Message]) -> None:
+        """Send messages with the next tick; the autopilot hands them on to ground stations."""
+        self._outbox += messages
 
     def ask_again(self) -> None:
         """Ask for MANUAL and arming as at the start: an operator's explicit word."""

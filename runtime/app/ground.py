@@ -1,0 +1,60 @@
+"""Tells ground stations what the boat sees, at a rate they can use."""
+
+from __future__ import annotations
+
+import math
+
+from twinscrew.runtime.link.ground import named_value, obstacle_distance, sector_distances_cm
+from twinscrew.runtime.link.wire import Message
+from twinscrew.runtime.messages.types import Decision
+from twinscrew.runtime.settings import NonNegative, Positive, Settings
+
+FORGOTTEN_S = 0.5
+"""[s] A decision older than this is not told: ArduPilot forgets obstacles as soon."""
+
+
+class GroundSettings(Settings, frozen=True):
+    """What is told to ground stations, through the autopilot."""
+
+    obstacles_hz: NonNegative = 0.0
+    """[Hz] OBSTACLE_DISTANCE, every object of the newest scan; 0: none. ArduPilot forgets after
+    half a second: 5 is enough."""
+    obstacle_range_m: Positive = 100.0
+    """[m] Farther away nothing is told."""
+    latency_hz: NonNegative = 0.0
+    """[Hz] NAMED_VALUE_FLOAT "latency_ms": from a scan's arrival to its command; 0: none."""
+
+
+class GroundReport:
+    """Knows when to tell what."""
+
+    def __init__(self, settings: GroundSettings | None = None) -> None:
+        self._settings = settings or GroundSettings()
+        self._obstacles_s = self._latency_s = -math.inf
+        self._decision: Decision | None = None
+        self._decided_s = -math.inf
+        self._latency_ms: float | None = None
+
+    def decided(self, decision: Decision, latency_ms: float, now_s: float) -> None:
+        """Take a decision, and how long it took."""
+        self._decision, self._decided_s, self._latency_ms = decision, now_s, latency_ms
+
+    def due(self, now_s: float) -> list[Message]:
+        """Give the messages to send now; none once the decisions have stopped."""
+        decision, settings = self._decision, self._settings
+        if decision is None or now_s - self._decided_s > FORGOTTEN_S:
+            return []
+        messages = []
+        if _is_due(self._obstacles_s, settings.obstacles_hz, now_s):
+            self._obstacles_s = now_s
+            objects, range_m = decision.objects, settings.obstacle_range_m
+            distances = sector_distances_cm(objects.p_B, objects.radius, range_m)
+            messages.append(obstacle_distance(distances, range_m, now_s))
+        if self._latency_ms is not None and _is_due(self._latency_s, settings.latency_hz, now_s):
+            self._latency_s = now_s
+            messages.append(named_value("latency_ms", self._latency_ms, now_s))
+        return messages
+
+
+def _is_due(last_s: float, rate_hz: float, now_s: float) -> bool:
+    return rate_hz > 0.0 and now_s - last_s >= 1.0 / rate_hz - 1e-6

@@ -1,0 +1,117 @@
+"""What the loop tells ground stations, and how often."""
+
+import numpy as np
+from tests.harness.boat import Steady, cloud, make_pipeline, odometry, stamp
+
+from twinscrew.runtime.app.controller import Controller
+from twinscrew.runtime.app.core import Core
+from twinscrew.runtime.app.ground import FORGOTTEN_S, GroundReport, GroundSettings
+from twinscrew.runtime.app.loop import Loop
+from twinscrew.runtime.app.outlet import Outlet
+from twinscrew.runtime.bus.base import Received
+from twinscrew.runtime.bus.inbox import Inbox
+from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.link.transport import Transport
+from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.types import Decision, Objects, Tracks
+
+
+def decision() -> Decision:
+    """One object 10 m ahead, of 1 m radius."""
+    objects = Objects(
+        stamp_ns=0, p_B=np.array([[10.0, 0.0]]), radius=np.ones(1), points=np.array([30])
+    )
+    tracks = Tracks(
+        stamp_ns=0,
+        id=np.empty(0, np.int64),
+        p_N=np.empty((0, 2)),
+        v_N=np.empty((0, 2)),
+        radius=np.empty(0),
+        covariance=np.empty((0, 4, 4)),
+        age_s=np.empty(0),
+    )
+    return Decision(
+        stamp_ns=0,
+        sequence=0,
+        acted=False,
+        thrust_rate=np.zeros(2),
+        thrust=np.zeros(2),
+        observation=None,
+        objects=objects,
+        tracks=tracks,
+    )
+
+
+def told(settings: GroundSettings, seconds: float) -> list:
+    """Everything told in so many seconds at 20 Hz, with decisions at 10 Hz."""
+    report = GroundReport(settings)
+    messages = []
+    for k in range(round(seconds * 20)):
+        now_s = k * 0.05
+        if k % 2 == 0:
+            report.decided(decision(), 1.25, now_s)
+        messages += report.due(now_s)
+    return messages
+
+
+def test_by_default_nothing_is_told() -> None:
+    assert told(GroundSettings(), 2.0) == []
+
+
+def test_obstacles_and_latency_are_told_as_often_as_is_asked_for() -> None:
+    messages = told(GroundSettings(obstacles_hz=5.0, latency_hz=1.0), 4.0)
+    kinds = [message.get_type() for message in messages]
+    assert kinds.count("OBSTACLE_DISTANCE") == 20
+    assert kinds.count("NAMED_VALUE_FLOAT") == 4
+    assert {m.value for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"} == {1.25}
+    assert messages[0].distances[0] == 900
+
+
+def test_before_the_first_decision_and_after_the_last_nothing_is_told() -> None:
+    report = GroundReport(GroundSettings(obstacles_hz=5.0))
+    assert report.due(0.0) == []
+    report.decided(decision(), 1.0, 1.0)
+    assert len(report.due(1.0)) == 1
+    assert report.due(1.0 + FORGOTTEN_S + 0.01) == []
+
+
+class Wiretap(Transport):
+    """Keeps what the loop sends."""
+
+    def __init__(self) -> None:
+        self.sent = b""
+
+    def fileno(self) -> int:
+        raise NotImplementedError
+
+    def receive(self) -> bytes:
+        return b""
+
+    def send(self, data: bytes) -> None:
+        self.sent += data
+
+    def close(self) -> None:
+        pass
+
+
+def test_the_loop_sends_what_is_due_with_its_commands() -> None:
+    inbox, wiretap = Inbox(), Wiretap()
+    controller = Controller(Core(make_pipeline(Steady())), AutopilotLink(AutopilotSettings()))
+    ground = GroundReport(GroundSettings(obstacles_hz=20.0, latency_hz=20.0))
+    loop = Loop(controller, inbox, wiretap, Outlet(None, None), rate_hz=50.0, ground=ground)
+    scans = iter(range(10_000))
+
+    def sense_until_told() -> bool:
+        time_s = next(scans) * 0.05
+        for topic, payload in (
+            ("odometry", cdr.encode_odometry(odometry(time_s))),
+            ("points", cdr.encode_point_cloud(cloud(time_s))),
+        ):
+            inbox.put(Received(topic, payload, 0))
+        return b"latency_ms" in wiretap.sent
+
+    loop.run(sense_until_told)
+    kinds = {message.get_type() for message in Wire(9, 9).decode(wiretap.sent)}
+    assert {"HEARTBEAT", "OBSTACLE_DISTANCE", "NAMED_VALUE_FLOAT"} <= kinds
+    assert controller.stamp_ns >= stamp(0.0)
