@@ -151,8 +151,8 @@ def _distance2(y: Float64, S: Float64) -> float:
     """Give y S^-1 y of (2,) and (2, 2)."""
     (a, b), (c, d) = S.tolist()
     north, east = y.tolist()
-    product: float = d * north**2 + a * east**2 - (b + c) * north * east
-    return product / (a * d - b * c)
+    distance2: float = (d * north**2 + a * east**2 - (b + c) * north * east) / (a * d - b * c)
+    return distance2
 
 
 def inverse_2x2(S: Float64) -> Float64:
