@@ -1,6 +1,7 @@
 """The live view's page in a real browser: headless Chromium, as Debian packages it."""
 
 import json
+import os
 import re
 import shutil
 import socket
@@ -19,7 +20,9 @@ from twinscrew.hil_sim.sitl import SitlSettings, sail
 from twinscrew.hil_sim.viewer.scene import write_scene
 from twinscrew.runtime.policy.colregs import ColregsSettings, in_crossing_zone, in_head_on_zone
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+CHROMIUM = next(
+    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
+)
 pytestmark = pytest.mark.skipif(
     CHROMIUM is None, reason="no Chromium: apt-get install chromium (Debian), or put one on PATH"
 )
@@ -66,7 +69,9 @@ def browser():
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        chromium = playwright.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox"] if os.geteuid() == 0 else []
+        )
         yield chromium
         chromium.close()
 
