@@ -1,15 +1,32 @@
 #!/bin/sh
-# Fuzzes the native code with libFuzzer, AddressSanitizer and UBSan: run.sh [seconds a target].
-# Needs clang. A crash leaves its input in build/fuzz and a status that is not 0.
+# Fuzzes the native code with libFuzzer, AddressSanitizer and UBSan:
+#   run.sh [seconds a target] [--skip-without-clang]
+# Needs clang, which is installed by apt if it is missing, or with the flag nothing is done then.
+# A crash leaves its input in build/fuzz and a status that is not 0.
 set -eu
 cd "$(dirname "$0")/../.."
 seconds="${1:-300}"
+clang="${CLANGXX:-clang++}"
+if ! command -v "$clang" >/dev/null; then
+  if [ "${2:-}" = "--skip-without-clang" ]; then
+    echo "fuzz: SKIPPED, there is no $clang (apt install clang)"
+    exit 0
+  fi
+  echo "fuzz: there is no $clang; installing clang by apt"
+  as_root=""
+  [ "$(id -u)" = 0 ] || as_root="sudo"
+  if ! { $as_root apt-get install -qq -y clang >/dev/null && command -v "$clang" >/dev/null; }; then
+    echo "fuzz: clang could not be installed: install it, or set CLANGXX to a clang++" >&2
+    exit 1
+  fi
+fi
 mkdir -p build/fuzz
-for target in decoder kernel; do
+for target in decoder kernel shift; do
   corpus="build/fuzz/$target.corpus"
   mkdir -p "$corpus"
-  "${CLANGXX:-clang++}" -std=c++20 -O1 -g -fsanitize=fuzzer,address,undefined \
-    -fno-sanitize-recover=all -I runtime/native "tests/fuzz/$target.cpp" -o "build/fuzz/$target"
+  "$clang" -std=c++20 -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
+    -I runtime/native "tests/fuzz/$target.cpp" -o "build/fuzz/$target"
   "build/fuzz/$target" -max_total_time="$seconds" -max_len=8192 -timeout=10 -print_final_stats=1 \
     -verbosity=0 -artifact_prefix="build/fuzz/" "$corpus"
 done
+echo "fuzz: clean, $seconds s for each target"
