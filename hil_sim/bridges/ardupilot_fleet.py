@@ -20,6 +20,8 @@ from twinscrew.runtime.link.paddles import PaddleSettings, thrust_from_pwm
 from twinscrew.runtime.messages.types import Float64, Odometry
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
 
+LOOK_S = 0.2
+"""[s] Those that the world waits for are looked at this often: they may have died."""
 LEFT, RIGHT = 0, 2
 """Outputs 1 and 3: SERVO1_FUNCTION 73, SERVO3_FUNCTION 74."""
 
@@ -108,7 +110,7 @@ class ArduPilotFleet:
             left_s = until_s - time.monotonic()
             if left_s <= 0.0 and all(backend.caught_up for backend in self._backends):
                 return
-            self._serve(left_s if left_s > 0.0 else self._settings.silent_s)
+            self._serve(left_s if left_s > 0.0 else LOOK_S)
 
     def check(self) -> None:
         """See `Fleet`."""
@@ -134,7 +136,8 @@ class ArduPilotFleet:
             self._poll.register(port.fileno(), select.POLLIN)
             instance.write_parameters()
         if binary:
-            self._processes = [Process(instance, Path(binary)) for instance in self._instances]
+            for instance in self._instances:
+                self._processes.append(Process(instance, Path(binary)))
             return
         tell("Start one ArduPilot a vessel, each in a shell of its own:")
         for instance in self._instances:
@@ -143,11 +146,12 @@ class ArduPilotFleet:
     def _serve(self, timeout_s: float) -> None:
         """Wait for frames once, and answer those that can be."""
         descriptors = {descriptor for descriptor, _ in self._poll.poll(1e3 * timeout_s)}
+        if not descriptors:
+            self._look_for_the_silent()
         for i, port in enumerate(self._ports):
             if port.fileno() in descriptors:
                 self._take(i)
                 self._answer(i)
-        self._look_for_the_silent()
 
     def _take(self, vessel: int) -> None:
         while (received := self._ports[vessel].receive()) is not None:

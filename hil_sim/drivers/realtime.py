@@ -56,6 +56,7 @@ class RealtimeCrew:
         self._configs = configs
         self._folders = folders
         self._fleet = fleet or SimulatedFleet([config.autopilot.system_id for config in configs])
+        self._buses: list[ZenohBus] = []
         self._processes: list[subprocess.Popen[bytes]] = []
         self._engaged = [False] * len(configs)
         self._ready_since: dict[int, float] = {}
@@ -67,9 +68,9 @@ class RealtimeCrew:
     def __enter__(self) -> Self:
         endpoint = f"tcp/{LOOPBACK}:{free_port()}"
         names = [config.name for config in self._configs]
-        bus = ZenohBus(ZenohSettings(listen=(endpoint,), connect=()), names[0])
-        self._buses = [bus.within(name) for name in names]
         try:
+            bus = ZenohBus(ZenohSettings(listen=(endpoint,), connect=()), names[0])
+            self._buses = [bus.within(name) for name in names]
             for vessel in range(len(self._configs)):
                 self._start(vessel, endpoint)
             self._wait_for_runtimes()
@@ -148,7 +149,8 @@ class RealtimeCrew:
                 process.kill()
                 process.wait()
         self._fleet.close()
-        self._buses[0].close()
+        for bus in self._buses[:1]:  # they share one session
+            bus.close()
 
     def _start(self, vessel: int, endpoint: str) -> None:
         config, folder = self._configs[vessel], self._folders[vessel]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
@@ -75,7 +76,11 @@ def metadata_of(config: RuntimeConfig, policy: Policy) -> dict[str, Any]:
 class Session:
     """A context: everything is open inside it."""
 
-    def __init__(self, config: RuntimeConfig, *, source: Path) -> None:
+    def __init__(
+        self, config: RuntimeConfig, *, source: Path, stop: Callable[[], bool] = lambda: False
+    ) -> None:
+        """Prepare a run; `stop` ends the wait for an autopilot that is not there yet."""
+        self._stop = stop
         self._config = config
         self._source = source
         self._folder = Path(config.recording.folder) if config.recording.folder else None
@@ -116,7 +121,8 @@ class Session:
 
     def _open(self) -> None:
         config = self._config
-        transport = await_transport(config.autopilot.connection, config.autopilot.wait_s)
+        link = config.autopilot
+        transport = await_transport(link.connection, link.wait_s, self._stop)
         self._stack.callback(transport.close)
         controller = make_controller(config)
         controller.core.pipeline.warm_up()

@@ -8,6 +8,7 @@ never split: what one `send` is given goes out as one datagram.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from twinscrew.runtime.errors import LinkError, one_of
 from twinscrew.runtime.link.carrier import Transport
@@ -49,20 +50,33 @@ def open_transport(connection: str) -> Transport:
     raise LinkError(f"connection {one_of(connection, KINDS)}")
 
 
-def await_transport(connection: str, wait_s: float) -> Transport:
+def await_transport(
+    connection: str, wait_s: float, stop: Callable[[], bool] = lambda: False
+) -> Transport:
     """Open a connection, and try again for a while if nobody is there yet.
+
+    Parameters
+    ----------
+    connection
+        As `open_transport` takes it.
+    wait_s
+        [s] How long to try.
+    stop
+        Says that nobody wants it any more.
 
     Raises
     ------
     LinkError
-        As `open_transport`, when the time is over.
+        As `open_transport`; at once if the string is not understood, when the time is over or
+        `stop` says so if nobody is there.
     """
     until_s = time.monotonic() + wait_s
     while True:
         try:
             return open_transport(connection)
         except LinkError as error:
-            if not isinstance(error.__cause__, OSError) or time.monotonic() >= until_s:
+            hopeless = not isinstance(error.__cause__, OSError)
+            if hopeless or time.monotonic() >= until_s or stop():
                 raise
         time.sleep(RETRY_S)
 

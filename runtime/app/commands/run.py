@@ -28,7 +28,7 @@ def sail(config: RuntimeConfig, stop: threading.Event, *, source: Path) -> None:
     """Open everything, loop until `stop` is set, close everything, and write the summary."""
     from twinscrew.runtime.app.session import Session
 
-    with Session(config, source=source) as session:
+    with Session(config, source=source, stop=stop.is_set) as session:
         print(f"{config.name}: running", file=sys.stderr, flush=True)
         session.loop.run(stop.is_set)
     summary = session.write_summary()

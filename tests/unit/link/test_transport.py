@@ -7,7 +7,7 @@ import pytest
 
 from twinscrew.runtime.errors import LinkError
 from twinscrew.runtime.link.sockets import PEER_SILENT_S, UdpTransport
-from twinscrew.runtime.link.transport import open_transport
+from twinscrew.runtime.link.transport import await_transport, open_transport
 
 LOOPBACK = "127.0.0.1"
 
@@ -131,3 +131,39 @@ def test_a_serial_line_carries_every_byte_unchanged():
 def test_what_cannot_be_opened_is_refused_in_plain_words(connection, words):
     with pytest.raises(LinkError, match=words):
         open_transport(connection)
+
+
+def test_a_server_that_comes_late_is_waited_for():
+    with socket.create_server((LOOPBACK, 0)) as server:
+        port = server.getsockname()[1]
+    asked = []
+
+    def come_at_the_third_look():
+        asked.append(len(asked))
+        if len(asked) == 3:
+            servers.append(socket.create_server((LOOPBACK, port)))
+        return False
+
+    servers = []
+    try:
+        await_transport(f"tcp:{LOOPBACK}:{port}", 60.0, come_at_the_third_look).close()
+    finally:
+        for server in servers:
+            server.close()
+    assert len(asked) == 3
+
+
+def test_waiting_ends_when_it_is_told_to_and_when_the_time_is_over():
+    with socket.create_server((LOOPBACK, 0)) as server:
+        port = server.getsockname()[1]
+    for wait_s, stop in ((60.0, lambda: True), (0.0, lambda: False)):
+        with pytest.raises(LinkError, match="Connection refused"):
+            await_transport(f"tcp:{LOOPBACK}:{port}", wait_s, stop)
+
+
+def test_a_string_that_is_not_understood_is_not_waited_for():
+    def never():
+        raise AssertionError("it must not wait")
+
+    with pytest.raises(LinkError, match="is not one of"):
+        await_transport("pigeon:LOFT:7", 60.0, never)
