@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
+from twinscrew.hil_sim.bench.deskew import run_deskew
 from twinscrew.hil_sim.bench.numpy_segmentation import labels as numpy_segment
 from twinscrew.hil_sim.bench.numpy_segmentation import project as numpy_project
 from twinscrew.hil_sim.bench.perception_scenes import QUAY, RADII, Scene, harbour_scene, open_scene
@@ -36,7 +37,7 @@ LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def run(plot: Path | None = None, scenes: int = SCENES) -> dict[str, Any]:
-    """Measure: {"perception": {sensor: {kind: figures}, "segmentation_vs_numpy": ..}}.
+    """Measure: {"perception": {sensor: {kind: figures}, "segmentation_vs_numpy", "deskew": ..}}.
 
     Parameters
     ----------
@@ -50,6 +51,7 @@ def run(plot: Path | None = None, scenes: int = SCENES) -> dict[str, Any]:
         for name in SENSORS
     }
     found["segmentation_vs_numpy"] = compare_with_numpy()
+    found["deskew"] = run_deskew()
     if plot is not None:
         plot.mkdir(parents=True, exist_ok=True)
         for kind, make in KINDS.items():
