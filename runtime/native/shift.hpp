@@ -47,7 +47,7 @@ class ShiftFinder {
       if (pairs_.size() < static_cast<std::size_t>(rules_.pairs)) return {};
       for (int pass = 0; pass < PASSES; ++pass) shift = solve(motion, turn);
     }
-    return shift;
+    return known(shift) ? shift : Shift{};
   }
 
  private:
@@ -61,6 +61,12 @@ class ShiftFinder {
     double dx, dy;  // [m] how far it moved
     double weight;  // [1/m2]
   };
+
+  // Numbers near the limits of their type may add up to none.
+  static bool known(const Shift& s) {
+    return std::isfinite(s.x) && std::isfinite(s.y) && std::isfinite(s.xx + s.xy + s.yy) &&
+           s.xx > 0.0 && s.xx * s.yy > s.xy * s.xy;
+  }
 
   // To first order in the turn, a point at r from the centre moves by d + turn x r.
   static Pair2 moved(const Motion& m, double x, double y) {

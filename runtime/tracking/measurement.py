@@ -52,7 +52,7 @@ class MeasurementSettings(Settings, frozen=True, kw_only=True):
     """[-] Innovations beyond this Mahalanobis distance are jumps: no vessel moves so suddenly."""
     edge_m: Positive = 17.5
     """[m] A centroid farther than this may be that of a part: the rest is out of range."""
-    edge_sigma: NonNegative = 0.15
+    edge_sigma: NonNegative = 0.3
     """[-] White noise there, as a share of the radius."""
 
     def __post_init__(self) -> None:

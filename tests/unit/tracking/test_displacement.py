@@ -105,3 +105,8 @@ def test_the_noise_is_what_it_is_said_to_be():
         velocity = measure(HULL, after, floor_m=1e-6, robust_sigma=1e3)
         squares.append(velocity.v_N @ np.linalg.solve(velocity.R, velocity.v_N))
     assert np.mean(squares) == pytest.approx(2.0, abs=0.35)
+
+
+def test_numbers_too_large_to_reckon_with_say_nothing():
+    far = HULL * np.array([1e200, 1e200, 1.0, 1.0])
+    assert measure(far, far) is None
