@@ -29,7 +29,7 @@ START_LIMIT_S = 20.0
 STOP_LIMIT_S = 5.0
 """[s] How long they may take to stop."""
 SETTLE_S = 0.5
-"""[s] A vessel is ready when its runtime could drive this long."""
+"""[s] A vessel is ready this long after its runtime could drive first."""
 LOG_TAIL = 400
 """[characters] Of a dead runtime's last words to repeat."""
 
@@ -95,10 +95,8 @@ class RealtimeCrew:
         """See `Crew`."""
         self._now_s = now_s
         self._fleet.exchange(vessel, now_s, odometry)
-        if self._engaged[vessel]:
+        if self._engaged[vessel]:  # once: on a busy machine a late scan disengages it for a moment
             self._ready_since.setdefault(vessel, now_s)
-        else:
-            self._ready_since.pop(vessel, None)
 
     def is_ready(self, vessel: int) -> bool:
         """See `Crew`."""
