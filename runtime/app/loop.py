@@ -101,7 +101,7 @@ class Loop:
     def _hear_autopilot(self, now_s: float) -> None:
         self._controller.from_autopilot(self._receive(), now_s)
         for payload in self._controller.own_odometry():
-            self._outlet.record("odometry", payload)
+            self._outlet.own_odometry(payload)
             handled = self._controller.take_in("odometry", payload, now_s)
             self._outlet.happened(handled.events)
 

@@ -61,6 +61,11 @@ class Outlet:
         if transforms is not None:
             self._recorder.record("transforms", transforms, self._clock_ns())
 
+    def own_odometry(self, payload: bytes) -> None:
+        """Keep odometry that came from the autopilot, and publish it: nobody else does."""
+        self.record("odometry", payload)
+        self._publish("odometry", payload)
+
     def engaged(self, payload: bytes) -> None:
         """Tell that the right to drive changed; it is a core input too, so tell it first."""
         self._tell("engagement", payload)
@@ -99,8 +104,11 @@ class Outlet:
         return f"{lost} messages lost: {self._recorder.failure or 'the disk cannot follow'}"
 
     def _tell(self, topic: str, payload: bytes) -> None:
+        self._publish(topic, payload)
+        if self._recorder is not None:
+            self._recorder.record(topic, payload, self._clock_ns())
+
+    def _publish(self, topic: str, payload: bytes) -> None:
         if self._bus is not None:
             with suppress(BusError):  # a broken bus must not stop the loop: it cannot be told by it
                 self._bus.publish(topic, payload)
-        if self._recorder is not None:
-            self._recorder.record(topic, payload, self._clock_ns())

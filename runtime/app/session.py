@@ -73,6 +73,18 @@ def metadata_of(config: RuntimeConfig, policy: Policy) -> dict[str, Any]:
     }
 
 
+def unused(folder: Path) -> Path:
+    """Give the folder, or the first of folder-2, folder-3, ... that is not there or is empty.
+
+    A boat that starts again keeps what it recorded before, and is not kept from starting by it.
+    """
+    candidate, number = folder, 1
+    while candidate.exists() and any(candidate.iterdir()):
+        number += 1
+        candidate = folder.with_name(f"{folder.name}-{number}")
+    return candidate
+
+
 class Session:
     """A context: everything is open inside it."""
 
@@ -154,5 +166,5 @@ class Session:
             ) from error
         metadata = metadata_of(self._config, policy)
         return self._stack.enter_context(
-            Recorder(self._folder / "recording", self._config.name, metadata)
+            Recorder(unused(self._folder / "recording"), self._config.name, metadata)
         )
