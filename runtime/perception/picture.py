@@ -53,20 +53,27 @@ def draw(
 
 
 def _draw_image(axes: Axes, image: Any, title: str, perception: Perception) -> None:
-    empty = image <= 0 if image.dtype.kind == "f" else image < 0
-    shown = np.ma.masked_where(empty, image if image.dtype.kind == "f" else image % COLOURS)
+    ranges = image.dtype.kind == "f"
+    shown = np.ma.masked_where(image <= 0, image) if ranges else _coloured(image)
     sensor = perception.sensor
     first = np.degrees(sensor.first_azimuth)
     last = first + np.degrees(sensor.azimuth_step) * image.shape[1]
     axes.imshow(
         shown,
+        vmin=0,
+        vmax=perception.settings.max_range_m if ranges else COLOURS - 1,
         origin="lower",
         aspect="auto",
         interpolation="nearest",
-        cmap="viridis" if image.dtype.kind == "f" else "tab20",
+        cmap="viridis" if ranges else "tab20",
         extent=(first, last, 0, image.shape[0]),
     )
     axes.set(title=title, xlabel="azimuth, clockwise [deg]", ylabel="beam")
+
+
+def _coloured(numbers: Any) -> Any:
+    """Give each object's colour, as the view from above does."""
+    return np.ma.masked_where(numbers < 0, numbers % COLOURS)
 
 
 def _draw_above(
@@ -94,4 +101,5 @@ def _draw_above(
     axes.plot(0, 0, "k^")
     reach = perception.settings.max_range_m
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
-    axes.set(title="from above", xlabel="starboard [m]", ylabel="forward [m]")
+    words = "from above: found" + ("" if truth is None else ", and the truth (dashed)")
+    axes.set(title=words, xlabel="starboard [m]", ylabel="forward [m]")
