@@ -29,7 +29,8 @@ STEP_S = 0.02
 SYSTEM = 1
 MANUAL, HOLD = 0, 4
 ARM, SET_MODE, SET_SERVO, INTERVAL = 400, 176, 183, 511
-SERVO_OUTPUT_RAW, RC_CHANNELS = 36, 65
+REQUEST_MESSAGE = 512
+SERVO_OUTPUT_RAW, RC_CHANNELS, GPS_GLOBAL_ORIGIN = 36, 65, 49
 
 
 class Ours:
@@ -270,6 +271,17 @@ def test_hold_latches_until_manual_is_commanded(station):
     assert station.outputs(settle_s=3.0) == (1500, 1500)
     assert station.command(SET_MODE, 1, MANUAL) == 0
     assert station.outputs() == pytest.approx((1700, 1700), abs=station.endpoint.tolerance_us)
+
+
+def test_where_its_local_frame_begins_is_told_when_asked_for(station):
+    station.ready()
+    station.heard.clear()
+    assert station.command(REQUEST_MESSAGE, GPS_GLOBAL_ORIGIN) == 0
+    station.outputs(settle_s=1.0)
+    origins = [m for m in station.heard if m.get_type() == "GPS_GLOBAL_ORIGIN"]
+    assert origins
+    assert origins[0].latitude != 0
+    assert origins[0].longitude != 0
 
 
 def test_an_unknown_mode_is_refused(station):

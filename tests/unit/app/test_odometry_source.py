@@ -1,5 +1,7 @@
 """Odometry from the autopilot: in the LiDAR's time, fed to the core like the bus's."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,6 +10,7 @@ from tests.harness.boat import EPOCH_NS, SECOND, Steady, cloud, make_pipeline
 from tests.harness.boat import odometry as odometry_at
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
+from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.runtime.app.assemble import make_controller
 from twinscrew.runtime.app.config import RuntimeConfig, autopilot_of
 from twinscrew.runtime.app.controller import Controller
@@ -21,9 +24,12 @@ from twinscrew.runtime.app.odometry_source import (
 )
 from twinscrew.runtime.app.session import inputs_of
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.link.datum import EARTH_RADIUS_M, Datum
 from twinscrew.runtime.messages import cdr
 
 MS = SECOND // 1000
+ORIGIN = Origin(latitude_deg=-33.0, longitude_deg=151.0)
+"""Where the simulated autopilot counts from."""
 
 
 def after_scans(alignment: Alignment, delays_ms, period_s: float = 0.1) -> Alignment:
@@ -92,12 +98,13 @@ def test_stamps_of_the_systems_clock_need_no_guess() -> None:
 class Sailing:
     """A controller whose odometry comes from its autopilot, without sockets."""
 
-    def __init__(self, lidar_begin_ns: int = EPOCH_NS) -> None:
+    def __init__(self, lidar_begin_ns: int = EPOCH_NS, datum: Datum | None = None) -> None:
         self.lidar_begin_ns = lidar_begin_ns
-        link = AutopilotLink(AutopilotSettings(state_hz=20.0, arm=True, receiver_fitted=False))
+        settings = AutopilotSettings(state_hz=20.0, arm=True, receiver_fitted=False, datum=datum)
+        link = AutopilotLink(settings)
         source = AutopilotOdometry(link, Alignment())
         self.controller = Controller(Core(make_pipeline(Steady())), link, source)
-        self.pilot = RoverAutopilot(RoverAutopilotSettings(), 1)
+        self.pilot = RoverAutopilot(RoverAutopilotSettings(), 1, ORIGIN)
         self.fed = []
         self.decisions = []
 
@@ -134,6 +141,16 @@ def test_scans_are_decided_on_and_the_boat_may_drive() -> None:
     boat = Sailing().sail(4.0)
     assert len(boat.decisions) > 20
     assert boat.controller.engaged
+
+
+def test_with_a_datum_the_link_asks_for_the_autopilots_origin_and_counts_from_the_datum() -> None:
+    south_deg = math.degrees(50.0 / EARTH_RADIUS_M)
+    datum = Datum(latitude_deg=ORIGIN.latitude_deg - south_deg, longitude_deg=151.0)
+    boat = Sailing(datum=datum).sail(4.0)
+    assert len(boat.fed) > 30
+    for odometry in boat.fed:
+        time_s = (odometry.stamp_ns - EPOCH_NS) / SECOND
+        assert odometry.position_N[0] == pytest.approx(50.0 + 2.0 * time_s, abs=0.02)
 
 
 def test_an_autopilot_that_falls_silent_is_stale_odometry() -> None:
