@@ -9,9 +9,6 @@ docs/assurance.md.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 
 from twinscrew.runtime.messages.types import (
@@ -28,6 +25,7 @@ from twinscrew.runtime.safety.assurance_contact import (
     surroundings,
     worst_contact,
 )
+from twinscrew.runtime.safety.assurance_manoeuvres import Manoeuvre, held, later, ways_out
 from twinscrew.runtime.safety.assurance_vessel import (
     AssuranceVessel,
     Law,
@@ -71,14 +69,6 @@ class AssuranceSettings(Settings, frozen=True):
     turn_n: Positive = 500.0
     """[N] Turning while braking asks for this more to port, and less to starboard."""
     vessel: AssuranceVessel = AssuranceVessel()
-
-
-@dataclass(frozen=True, slots=True)
-class Manoeuvre:
-    """A way out."""
-
-    name: str
-    law: Law
 
 
 class Assurance:
@@ -140,7 +130,7 @@ class Assurance:
             return command, self._release(stamp_ns)
         motion = Motion(*levelled_twist(odometry).tolist())
         given, wanted = _pair(previous), _pair(command)
-        danger = self._judge(motion, wanted, _held(wanted), circles)
+        danger = self._judge(motion, wanted, held(wanted), circles)
         resumes = self._begun is not None and not decided
         if not resumes and self._may_pass(motion, wanted, danger, circles):
             return command, self._release(stamp_ns)
@@ -192,7 +182,7 @@ class Assurance:
         tolerance = self.settings.tolerance_mps
         return danger.harm <= tolerance or any(
             self._judge(
-                motion, command, _later(self.settings.wait_s, command, way.law), circles
+                motion, command, later(self.settings.wait_s, command, way.law), circles
             ).harm
             <= tolerance
             for way in self._ways_out(danger)
@@ -211,17 +201,11 @@ class Assurance:
         return min(judged, key=lambda pair: pair[1].harm)
 
     def _ways_out(self, danger: Contact) -> tuple[Manoeuvre, ...]:
-        settings, limits = self.settings, self.limits
-        side = -1.0 if danger.to_starboard else 1.0
-        return (
-            Manoeuvre("brake", _brake(settings.brake_nspm, 0.0, limits)),
-            Manoeuvre("turn away", _turn(side, limits)),
-            Manoeuvre(
-                "brake and turn to starboard",
-                _brake(settings.brake_nspm, settings.turn_n, limits),
-            ),
-            Manoeuvre("full astern", _held((limits.min_n, limits.min_n))),
-            Manoeuvre("full ahead", _held((limits.max_n, limits.max_n))),
+        return ways_out(
+            self.limits,
+            brake_nspm=self.settings.brake_nspm,
+            turn_n=self.settings.turn_n,
+            to_starboard=danger.to_starboard,
         )
 
     def _intervene(self, stamp_ns: int, manoeuvre: str, danger: Contact) -> tuple[HealthEvent, ...]:
@@ -244,32 +228,3 @@ class Assurance:
 
 def _pair(thrust: Float64) -> Thrust:
     return float(thrust[0]), float(thrust[1])
-
-
-def _held(thrust: Thrust) -> Law:
-    return lambda time_s, surge: thrust  # noqa: ARG005
-
-
-def _later(wait_s: float, command: Thrust, law: Law) -> Law:
-    """Follow the command for a while, then the law."""
-    return lambda time_s, surge: law(time_s, surge) if time_s >= wait_s - 1e-9 else command
-
-
-def _brake(gain_nspm: float, turn_n: float, limits: ThrustLimits) -> Law:
-    """Thrust against the speed until it is gone, and meanwhile turn."""
-    clip = _clip(limits)
-    return lambda time_s, surge: (  # noqa: ARG005
-        clip(turn_n - gain_nspm * surge),
-        clip(-turn_n - gain_nspm * surge),
-    )
-
-
-def _turn(side: float, limits: ThrustLimits) -> Law:
-    """Turn as hard as can be: side 1 to starboard, -1 to port."""
-    ahead, astern = limits.max_n, limits.min_n
-    return _held((ahead, astern) if side > 0 else (astern, ahead))
-
-
-def _clip(limits: ThrustLimits) -> Callable[[float], float]:
-    low, high = limits.min_n, limits.max_n
-    return lambda thrust: min(max(thrust, low), high)

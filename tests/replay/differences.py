@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.types import HealthEvent
 
 TOLERANCE = {"thrust": 0.1, "thrust_rate": 0.2, "ego": 0.1}
 """[N, N/s] What another machine's rounding may make of thrusts; `ego` holds the thrust too."""
@@ -92,4 +93,8 @@ def _shape(value: object) -> str:
 
 
 def _plain(value: object) -> object:
+    if isinstance(value, tuple):
+        return [_plain(part) for part in value]
+    if isinstance(value, HealthEvent):
+        return f"{value.name} ({value.detail})" if value.detail else value.name
     return value.value if isinstance(value, Enum) else value

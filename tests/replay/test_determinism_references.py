@@ -10,6 +10,7 @@ from tests.replay.differences import differences, summary
 from tests.replay.references import CASES, decide, machine, sha256, store, stored
 
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.safety.events import LIDAR_STALE, OVERRUN
 
 ACCEPT = (
     "if these are meant: make accept (python -m tests.replay.accept), and commit the references"
@@ -83,6 +84,13 @@ def test_a_lost_track_is_a_difference_on_every_machine(decisions: tuple[bytes, .
     )
     found = told(decisions, changed(decisions, len(decisions) - 1, tracks=none), exact=False)
     assert any("tracks.id: (1,) array -> (0,) array" in line for line in found)
+
+
+def test_events_are_told_by_name_and_detail(decisions: tuple[bytes, ...]) -> None:
+    after = changed(decisions, 9, events=(OVERRUN.at(1, "12 ms"), LIDAR_STALE.at(1)))
+    assert told(decisions, after, exact=False) == [
+        "decision 9: events: [] -> ['overrun (12 ms)', 'lidar_stale']"
+    ]
 
 
 def test_a_missing_decision_is_a_difference(decisions: tuple[bytes, ...]) -> None:

@@ -1,0 +1,64 @@
+"""The ways out: what a vessel can do instead of what it was told, as laws of its two thrusts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from twinscrew.runtime.safety.assurance_vessel import Law, Thrust
+from twinscrew.runtime.safety.guard import ThrustLimits
+
+
+@dataclass(frozen=True, slots=True)
+class Manoeuvre:
+    """A way out."""
+
+    name: str
+    law: Law
+
+
+def ways_out(
+    limits: ThrustLimits, *, brake_nspm: float, turn_n: float, to_starboard: bool
+) -> tuple[Manoeuvre, ...]:
+    """Give the manoeuvres in the order in which they are tried.
+
+    Parameters
+    ----------
+    limits
+        What a propeller can do.
+    brake_nspm : float
+        Thrust against each metre a second of surge [N s/m].
+    turn_n : float
+        By how much braking and turning differs between the propellers and the mean [N].
+    to_starboard : bool
+        Whether contact threatens on the starboard side.
+    """
+    ahead, astern = limits.max_n, limits.min_n
+    away = (astern, ahead) if to_starboard else (ahead, astern)
+    return (
+        Manoeuvre("brake", braking(brake_nspm, 0.0, limits)),
+        Manoeuvre("turn away", held(away)),
+        Manoeuvre("brake and turn to starboard", braking(brake_nspm, turn_n, limits)),
+        Manoeuvre("full astern", held((astern, astern))),
+        Manoeuvre("full ahead", held((ahead, ahead))),
+    )
+
+
+def held(thrust: Thrust) -> Law:
+    """Want the same all the time."""
+    return lambda time_s, surge: thrust  # noqa: ARG005
+
+
+def later(wait_s: float, command: Thrust, law: Law) -> Law:
+    """Follow a command for a while [s], then the law."""
+    return lambda time_s, surge: law(time_s, surge) if time_s >= wait_s - 1e-9 else command
+
+
+def braking(gain_nspm: float, turn_n: float, limits: ThrustLimits) -> Law:
+    """Thrust against the speed until it is gone, and meanwhile turn to starboard by `turn_n`."""
+    low, high = limits.min_n, limits.max_n
+
+    def law(time_s: float, surge: float) -> Thrust:  # noqa: ARG001
+        against = -gain_nspm * surge
+        return min(max(against + turn_n, low), high), min(max(against - turn_n, low), high)
+
+    return law
