@@ -50,7 +50,7 @@ class MeasurementSettings(Settings, frozen=True, kw_only=True):
     same object's: a mast or a bow comes into sight or goes out of it."""
     jump_sigma: Positive = 2.0
     """[-] Innovations beyond this Mahalanobis distance are jumps: no vessel moves so suddenly."""
-    edge_m: Positive = 17.5
+    edge_m: Positive = 17.0
     """[m] A centroid farther than this may be that of a part: the rest is out of range."""
     edge_sigma: NonNegative = 0.3
     """[-] White noise there, as a share of the radius."""
