@@ -178,7 +178,7 @@ def _sail_in_real_time(
     tell: Tell,
 ) -> tuple[VoyageResult, list[_Run]]:
     fleet = _fleet(world, folders, settings, tell)
-    with RealtimeCrew(configs, folders, fleet) as crew:
+    with RealtimeCrew(configs, folders, fleet, tell if fleet is not None else None) as crew:
         result = _voyage(world, crew, settings, progress).run()
     return result, [_read_run(folder) for folder in folders]
 

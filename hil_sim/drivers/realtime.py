@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -21,6 +22,7 @@ from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.errors import LinkError, MessageError
+from twinscrew.runtime.link import events
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Odometry
 
@@ -40,7 +42,11 @@ class RealtimeCrew:
     exchange_s = 0.01
 
     def __init__(
-        self, configs: list[RuntimeConfig], folders: list[Path], fleet: Fleet | None = None
+        self,
+        configs: list[RuntimeConfig],
+        folders: list[Path],
+        fleet: Fleet | None = None,
+        tell: Callable[[str], None] | None = None,
     ) -> None:
         """Prepare the crew.
 
@@ -52,10 +58,13 @@ class RealtimeCrew:
             Where each vessel's configuration and log are written.
         fleet
             The vessels' autopilots, closed with the crew; ours if none are given.
+        tell
+            Takes what the autopilots say and what ails them, in Zenoh's thread.
         """
         self._configs = configs
         self._folders = folders
         self._fleet = fleet or SimulatedFleet([config.autopilot.system_id for config in configs])
+        self._tell = tell
         self._buses: list[ZenohBus] = []
         self._processes: list[subprocess.Popen[bytes]] = []
         self._engaged = [False] * len(configs)
@@ -153,6 +162,8 @@ class RealtimeCrew:
     def _start(self, vessel: int, endpoint: str) -> None:
         config, folder = self._configs[vessel], self._folders[vessel]
         self._buses[vessel].subscribe("engagement", lambda message: self._note(vessel, message))
+        if self._tell is not None:
+            self._buses[vessel].subscribe("diagnostics", lambda told: self._pass_on(vessel, told))
         autopilot = msgspec.structs.replace(
             config.autopilot,
             connection=self._fleet.connection(vessel),
@@ -180,6 +191,13 @@ class RealtimeCrew:
                     raise LinkError(
                         f"the runtime of {config.name} does not listen after {limit_s:g} s"
                     )
+
+    def _pass_on(self, vessel: int, message: Received) -> None:
+        """Take health events, in Zenoh's thread; those of the autopilot are for the user."""
+        with contextlib.suppress(MessageError):
+            for event in cdr.decode_diagnostics(message.payload):
+                if self._tell is not None and event.name in events.NAMES:
+                    self._tell(f"{self._configs[vessel].name}: {event.name}: {event.detail}")
 
     def _note(self, vessel: int, message: Received) -> None:
         """Take word, in Zenoh's thread, that a runtime drives or does not."""

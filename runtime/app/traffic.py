@@ -122,5 +122,10 @@ def _autopilot(link: AutopilotLink) -> Finding:
         return Finding("autopilot", Verdict.FAIL, f"{found}, no boat", "set FRAME_CLASS to 2")
     if status.parameters_wrong:
         wrong = "; ".join(status.parameters_wrong)
-        return Finding("autopilot", Verdict.FAIL, wrong, "load config/autopilot/ardurover.parm")
+        return Finding(
+            "autopilot",
+            Verdict.FAIL,
+            wrong,
+            "load config/autopilot/ardurover.parm, or run with write_parameters",
+        )
     return Finding("autopilot", Verdict.OK, found)

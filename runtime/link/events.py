@@ -32,3 +32,6 @@ AUTOPILOT_RECOVERED = EventKind(
     "autopilot_recovered", Severity.INFO, "A condition of the autopilot link is over."
 )
 AUTOPILOT_SAYS = EventKind("autopilot_says", Severity.INFO, "The autopilot's own words.")
+
+NAMES = frozenset(kind.name for kind in list(globals().values()) if isinstance(kind, EventKind))
+"""Every event of the link."""

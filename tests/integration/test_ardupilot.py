@@ -113,7 +113,8 @@ def inputs_of(run: Path, topic: str) -> list[bytes]:
 def test_a_wrong_parameter_is_named_and_the_run_does_not_hide_it(tmp_path) -> None:
     words = PEER.replace('"$@"', '"$@" --wrong PILOT_STEER_TYPE=0')
     binary = executable(tmp_path / "ardurover", words)
-    sail(binary, tmp_path / "run", "--vessels", 1, "--max-time", 1)
+    done = sail(binary, tmp_path / "run", "--vessels", 1, "--max-time", 1)
+    assert "wamv1: parameters_wrong: PILOT_STEER_TYPE is 0, must be 1" in done.stderr
     told = diagnostics_of(tmp_path / "run")
     wrong = [event.detail for event in told if event.name == "parameters_wrong"]
     assert wrong
