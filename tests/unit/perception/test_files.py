@@ -75,6 +75,28 @@ def test_pcd_padding_and_counts_are_skipped(tmp_path: Path) -> None:
     assert read_cloud(tmp_path / "cloud.pcd").points.tolist() == XYZ.tolist()
 
 
+def test_rings_are_read_where_a_field_tells_them(tmp_path: Path) -> None:
+    rows = np.zeros(4, dtype=[("x", "f8"), ("y", "f8"), ("z", "f8"), ("t", "u4"), ("ring", "u2")])
+    for name, column in zip("xyz", XYZ.T, strict=True):
+        rows[name] = column
+    rows["ring"] = [3, 1, 0, 31]
+    np.save(tmp_path / "cloud.npy", rows)
+    header = "FIELDS x y z t ring\nSIZE 8 8 8 4 2\nTYPE F F F U U\nWIDTH 4\nHEIGHT 1\n"
+    (tmp_path / "cloud.pcd").write_bytes(pcd("binary", rows.tobytes(), header))
+    for file in ("cloud.npy", "cloud.pcd"):
+        points, ring = read_cloud(tmp_path / file)
+        assert points.tolist() == XYZ.tolist()
+        assert ring is not None
+        assert ring.tolist() == [3, 1, 0, 31]
+
+
+def test_rings_that_cannot_be_are_none(tmp_path: Path) -> None:
+    rows = np.zeros(2, dtype=[("x", "f4"), ("y", "f4"), ("z", "f4"), ("ring", "f4")])
+    rows["ring"] = [0.5, np.nan]
+    np.save(tmp_path / "cloud.npy", rows)
+    assert read_cloud(tmp_path / "cloud.npy").ring is None
+
+
 @pytest.mark.parametrize(
     ("name", "data", "words"),
     [
