@@ -23,6 +23,8 @@ from twinscrew.runtime.messages.types import Float64, Odometry
 PAIR_WITHIN_MS = 60
 """[ms] Position and attitude this near in time are joined, the attitude turned on by its rates to
 the position's time: one period at 20 Hz."""
+SAME_MOMENT_MS = 10
+"""[ms] A position whose attitude has come this near in time waits for no other."""
 REBOOT_MS = 1000
 """[ms] A time since boot this far back means that the autopilot started again."""
 _KEPT = 64
@@ -60,14 +62,18 @@ class OdometryFromAutopilot:
     def attitude(self, message: Message, now_s: float) -> None:
         """Take ATTITUDE; one that is not finite is dropped."""
         if all(math.isfinite(getattr(message, name)) for name in _ATTITUDE):
-            self._attitude = message
-            self._join(message.time_boot_ms, now_s)
+            self._hear(message.time_boot_ms, now_s)
+            before, self._attitude = self._attitude, message
+            self._join(before, message)
 
     def position(self, message: Message, now_s: float) -> None:
         """Take LOCAL_POSITION_NED; one that is not finite is dropped."""
         if all(math.isfinite(getattr(message, name)) for name in _POSITION):
+            self._hear(message.time_boot_ms, now_s)
+            self._join(self._attitude)  # an older one still waits: its own attitude was lost
             self._position = message
-            self._join(message.time_boot_ms, now_s)
+            if self._attitude is not None and _apart_ms(message, self._attitude) <= SAME_MOMENT_MS:
+                self._join(self._attitude)
 
     def origin(self, message: Message, _now_s: float) -> None:
         """Take GPS_GLOBAL_ORIGIN: where the autopilot counts its position from."""
@@ -75,19 +81,27 @@ class OdometryFromAutopilot:
             place = message.latitude * 1e-7, message.longitude * 1e-7
             self._origin_N = from_datum_N(self._datum, *place)
 
-    def _join(self, boot_ms: int, now_s: float) -> None:
+    def _hear(self, boot_ms: int, now_s: float) -> None:
         if self._datum and boot_ms < self._boot_ms - REBOOT_MS:
             self._origin_N = None  # it counts from another place now, and will tell
         self._boot_ms = boot_ms
         self.clock.heard(boot_ms * 1e-3, now_s)
-        attitude, position, origin_N = self._attitude, self._position, self._origin_N
-        if position is None or origin_N is None:
-            self._position = None
-        elif attitude is not None and abs(_later_ms(position, attitude)) <= PAIR_WITHIN_MS:
+
+    def _join(self, *attitudes: Message | None) -> None:
+        """Give what follows from the position that waits, and the attitude nearest to it."""
+        position, self._position = self._position, None
+        known = [attitude for attitude in attitudes if attitude is not None]
+        if position is None or self._origin_N is None or not known:
+            return
+        attitude = min(known, key=lambda message: _apart_ms(position, message))
+        if _apart_ms(position, attitude) <= PAIR_WITHIN_MS:
             stamp_ns = round(self.clock.caller_s(position.time_boot_ms * 1e-3) * 1e9)
-            self.newest = _odometry(attitude, position, origin_N, stamp_ns)
+            self.newest = _odometry(attitude, position, self._origin_N, stamp_ns)
             self._untaken.append(self.newest)
-            self._position = None  # the attitude may serve the next one, should its own be lost
+
+
+def _apart_ms(message: Message, other: Message) -> int:
+    return abs(_later_ms(message, other))
 
 
 def _later_ms(message: Message, other: Message) -> int:

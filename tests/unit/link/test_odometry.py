@@ -75,9 +75,31 @@ def test_every_result_can_be_taken_once():
     assert source.newest.position_N[0] == pytest.approx(1.1)
 
 
-def test_an_older_attitude_is_turned_on_to_the_positions_time():
-    got = feed(OdometryFromAutopilot(), 1050, attitude_ms=1000, yaw=1.0)
-    assert got.heading == pytest.approx(1.0 + 0.1 * 0.05)
+def position_at(boot_ms):
+    return mavlink.MAVLink_local_position_ned_message(boot_ms, boot_ms, 0, 0, 0, 0, 0)
+
+
+def attitude_at(boot_ms, yaw=0.0):
+    return mavlink.MAVLink_attitude_message(boot_ms, 0.0, 0.0, yaw, 0.0, 0.0, 0.1)
+
+
+def test_a_position_that_comes_first_waits_for_its_own_attitude():
+    source = OdometryFromAutopilot()
+    feed(source, 1000, yaw=1.0)
+    source.position(position_at(1050), BOOT_S + 1.05)
+    assert source.newest.position_N[0] == 0.0
+    source.attitude(attitude_at(1050, yaw=2.0), BOOT_S + 1.05)
+    assert source.newest.position_N[0] == 1050
+    assert source.newest.heading == pytest.approx(2.0)
+
+
+def test_if_its_attitude_is_lost_an_older_one_is_turned_on_to_the_positions_time():
+    source = OdometryFromAutopilot()
+    source.attitude(attitude_at(1000, yaw=1.0), BOOT_S + 1.0)
+    source.position(position_at(1050), BOOT_S + 1.05)
+    source.position(position_at(1100), BOOT_S + 1.1)
+    assert source.newest.position_N[0] == 1050
+    assert source.newest.heading == pytest.approx(1.0 + 0.1 * 0.05)
 
 
 DATUM = Datum(latitude_deg=-33.7221, longitude_deg=150.6739)
@@ -120,19 +142,20 @@ def test_without_a_datum_the_autopilots_origin_does_not_matter():
     assert feed(source, 1000, x=1.0).position_N.tolist() == [1.0, 2.0, 3.0]
 
 
-def test_after_a_lost_attitude_positions_are_not_given_late():
+@pytest.mark.parametrize("lost", [position_at, attitude_at])
+@pytest.mark.parametrize("order", [(attitude_at, position_at), (position_at, attitude_at)])
+def test_after_a_loss_positions_are_not_given_late(lost, order):
     source = OdometryFromAutopilot()
-    feed(source, 1000)
-    for boot_ms in (1050, 1100, 1150):
-        position = mavlink.MAVLink_local_position_ned_message(boot_ms, boot_ms, 0, 0, 0, 0, 0)
-        source.position(position, BOOT_S + boot_ms * 1e-3)  # the attitude of 1050 is lost
-        if boot_ms < 1100:
+    for boot_ms in range(1000, 1400, 50):
+        for make in order:
+            if (boot_ms, make) != (1100, lost):
+                now_s = BOOT_S + boot_ms * 1e-3
+                message = make(boot_ms)
+                take = source.attitude if make is attitude_at else source.position
+                take(message, now_s)
+        if boot_ms != 1100:
             assert source.newest.position_N[0] == boot_ms
-            continue
-        attitude = mavlink.MAVLink_attitude_message(boot_ms, 0, 0, 0, 0, 0, 0)
-        source.attitude(attitude, BOOT_S + boot_ms * 1e-3)
-        assert source.newest.position_N[0] == boot_ms
-    assert len(source.take()) == 4
+    assert len(source.take()) == (8 if lost is attitude_at else 7)
 
 
 def test_a_position_is_given_once_however_many_attitudes_come():
