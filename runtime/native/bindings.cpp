@@ -181,9 +181,8 @@ void bind_kernel(nb::module_& m) {
           [](Kernel* self, const std::vector<double>& elevations, double first_azimuth,
              double azimuth_step, int columns, bool wraps, const twinscrew::Gates& gates,
              double theta, double noise, int bridged, float reach, float merge_across,
-             float merge_along,
-             const twinscrew::FootprintRule& footprint, int least_points, float longest, float piece,
-             float strip_gap) {
+             float merge_along, const twinscrew::FootprintRule& footprint, int least_points,
+             float longest, float piece, float strip_gap) {
             const twinscrew::Scanner scanner(elevations, first_azimuth, azimuth_step, columns,
                                              wraps);
             const twinscrew::CircleRules rules{least_points,   longest,        piece,
@@ -193,8 +192,7 @@ void bind_kernel(nb::module_& m) {
           },
           nb::kw_only(), "elevations"_a, "first_azimuth"_a, "azimuth_step"_a, "columns"_a,
           "wraps"_a, "gates"_a, "theta"_a, "noise"_a, "bridged"_a, "reach"_a, "merge_across"_a,
-          "merge_along"_a, "footprint"_a,
-          "least_points"_a, "longest"_a, "piece"_a, "strip_gap"_a)
+          "merge_along"_a, "footprint"_a, "least_points"_a, "longest"_a, "piece"_a, "strip_gap"_a)
       .def("project", &project, "points_S"_a, "intensity"_a.none(), "time"_a.none(), "R_BS"_a,
            "p_BS"_a, "R_LB"_a, "motion"_a.none())
       .def("segment", &Kernel::segment, nb::call_guard<nb::gil_scoped_release>())
