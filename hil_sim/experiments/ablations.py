@@ -75,9 +75,9 @@ def eased(scenario: Scenario, switches: Switches) -> Scenario:
     return replace(scenario, goal_radius=4.0) if "goal_4m" in switches else scenario
 
 
-def assurance(switches: Switches) -> AssuranceSettings:
-    """Say whether the policy's commands are checked."""
-    return AssuranceSettings(enabled="no_assurance" not in switches)
+def unassured(settings: AssuranceSettings, switches: Switches) -> AssuranceSettings:
+    """Let the policy's commands pass unchecked."""
+    return structs.replace(settings, enabled=False) if "no_assurance" in switches else settings
 
 
 def supervision(switches: Switches) -> SupervisorSettings:

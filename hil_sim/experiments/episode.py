@@ -10,11 +10,11 @@ from twinscrew.hil_sim.drivers.lockstep import LockstepCrew
 from twinscrew.hil_sim.drivers.voyage import Voyage, VoyageResult
 from twinscrew.hil_sim.experiments.ablations import (
     Switches,
-    assurance,
     calmed,
     eased,
     label,
     supervision,
+    unassured,
     vessel_of,
 )
 from twinscrew.hil_sim.experiments.ideal import TruePerception, TrueTracker
@@ -30,6 +30,7 @@ from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.errors import TwinscrewError
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.settings import load, shipped
 
 
@@ -83,7 +84,7 @@ def _crew(world: WitnessWorld, task: Task, folder: Path | None) -> LockstepCrew:
             name=name,
             sensor=task.sensor,
             policy=task.method.policy,
-            assurance=assurance(task.switches),
+            assurance=unassured(AssuranceSettings(), task.switches),
             mission=MissionSettings(goal_radius_m=world.scenario.goal_radius),
             autopilot=AutopilotSettings(system_id=i + 1, arm=True, receiver_fitted=False),
             recording=RecordingSettings(folder=str(folder / name) if folder else ""),

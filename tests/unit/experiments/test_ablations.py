@@ -3,12 +3,12 @@ import pytest
 
 from twinscrew.hil_sim.experiments.ablations import (
     ABLATIONS,
-    assurance,
     calmed,
     eased,
     label,
     parse_ablations,
     supervision,
+    unassured,
     variants,
     vessel_of,
 )
@@ -18,6 +18,7 @@ from twinscrew.hil_sim.vessel.dynamics import VesselDynamics
 from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.hil_sim.vessel.rest import at_rest, still_water
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.safety.assurance import AssuranceSettings
 
 
 def test_switches_are_read_with_commas_and_each_counts_once() -> None:
@@ -55,8 +56,9 @@ def test_goals_and_arrivals_are_as_the_switches_say() -> None:
     scenario = load_scenario("head_on")
     assert eased(scenario, ()).goal_radius == 2.0
     assert eased(scenario, ("goal_4m",)).goal_radius == 4.0
-    assert assurance(()).enabled
-    assert not assurance(("no_assurance",)).enabled
+    on = AssuranceSettings(enabled=True)
+    assert unassured(on, ()) == on
+    assert not unassured(on, ("no_assurance",)).enabled
     assert supervision(()).after_goal == "hold"
     assert supervision(("vanish",)).after_goal == "vanish"
 
