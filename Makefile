@@ -9,7 +9,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: help setup setup-dev sitl test test-fast check format lint types imports bench train \
-        fuzz wheel clean native
+        fuzz wheel clean native determinism accept
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -41,6 +41,13 @@ types: setup-dev  ## check the types (mypy --strict)
 
 imports: setup-dev  ## check that imports point one way
 	$(BIN)/lint-imports
+
+determinism: setup-dev  ## prove that the same recording gives the same bits, and the accepted ones
+	$(BIN)/python -m tests.replay.accept --check
+	$(BIN)/pytest tests/replay
+
+accept: setup-dev  ## show how decisions differ from the accepted ones, and renew these if you agree
+	$(BIN)/python -m tests.replay.accept
 
 bench: setup-dev  ## measure everything and print the figures
 	$(BIN)/twinscrew bench

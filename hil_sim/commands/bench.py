@@ -17,7 +17,16 @@ from rich.table import Table
 from twinscrew.runtime.errors import ConfigError, one_of
 
 GROUP = "twinscrew.benches"
-BY_DEFAULT = ("latency", "perception", "tracking", "startup", "sitl", "wire", "training")
+BY_DEFAULT = (
+    "latency",
+    "perception",
+    "tracking",
+    "assurance",
+    "startup",
+    "sitl",
+    "wire",
+    "training",
+)
 
 
 def bench(
