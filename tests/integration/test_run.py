@@ -158,5 +158,12 @@ def test_a_recording_is_not_written_over_another(tmp_path: Path) -> None:
     old = tmp_path / "kept" / "recording" / "old.mcap"
     old.parent.mkdir(parents=True)
     old.write_bytes(b"of yesterday")
-    refused(written(tmp_path), "recording", "not empty")
+    config = written(tmp_path)
+    process = start("run", "--config", str(config), log=tmp_path / "log.txt")
+    fresh = tmp_path / "kept" / "recording-2"
+    try:
+        wait_until(lambda: fresh.is_dir() and any(fresh.glob("*.mcap")))
+    finally:
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(20) == 0
     assert old.read_bytes() == b"of yesterday"
