@@ -21,7 +21,7 @@ from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.errors import LinkError
 from twinscrew.runtime.link.transport import Transport
 from twinscrew.runtime.messages.types import HealthEvent
-from twinscrew.runtime.safety.events import LINK_DOWN, OVERRUN, RECORDER
+from twinscrew.runtime.safety.events import LINK_DOWN, LINK_RESTORED, OVERRUN, RECORDER
 
 NANOSECONDS_PER_MS = 1e6
 OVERRUN_MS = 100.0
@@ -123,10 +123,14 @@ class Loop:
 
     def _receive(self) -> bytes:
         try:
-            return self._transport.receive()
+            data = self._transport.receive()
         except LinkError as error:
             self._down(error)
             return b""
+        if self._link_is_down and self._transport.is_open:
+            self._link_is_down = False
+            self._happened(LINK_RESTORED.at(self._controller.stamp_ns))
+        return data
 
     def _send(self, data: bytes) -> None:
         try:

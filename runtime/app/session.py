@@ -20,6 +20,7 @@ from twinscrew.runtime.app.transforms import Frames
 from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import ConfigError, RecordingError
+from twinscrew.runtime.link.reopening import reopening
 from twinscrew.runtime.link.transport import await_transport
 from twinscrew.runtime.policy.base import Policy
 
@@ -134,7 +135,8 @@ class Session:
     def _open(self) -> None:
         config = self._config
         link = config.autopilot
-        transport = await_transport(link.connection, link.wait_s, self._stop)
+        opened = await_transport(link.connection, link.wait_s, self._stop)
+        transport = reopening(link.connection, opened)
         self._stack.callback(transport.close)
         controller = make_controller(config)
         controller.core.pipeline.warm_up()

@@ -10,6 +10,11 @@ from typing import Self
 class Transport(ABC):
     """An open connection; as a context manager it closes itself."""
 
+    @property
+    def is_open(self) -> bool:
+        """Whether there is a connection now; False while a broken one is being opened again."""
+        return True
+
     @abstractmethod
     def fileno(self) -> int:
         """Give the descriptor to select or poll for reading."""

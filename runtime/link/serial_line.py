@@ -39,11 +39,14 @@ class SerialTransport(Transport):
     def receive(self) -> bytes:
         """Give what has come; never waits."""
         try:
-            return os.read(self._file, _READ)
+            data = os.read(self._file, _READ)
         except BlockingIOError:
             return b""
         except OSError as error:
             raise LinkError(f"{self._name}: {error.strerror or error}") from error
+        if not data:  # a line at rest would block: this one was hung up
+            raise LinkError(f"{self._name}: the device is gone")
+        return data
 
     def send(self, data: bytes) -> None:
         """Send what the line can take now."""

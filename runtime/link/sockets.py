@@ -18,6 +18,9 @@ _MOST_READS = 64
 """[-] Reads a call: a flood must not keep the loop from its work."""
 CONNECT_S = 3.0
 """[s] How long a TCP connection may take to open."""
+UNANSWERED_S = 3.0
+"""[s] What was sent and is not acknowledged for so long breaks a TCP connection: the peer lost its
+power, or the cable was cut. Otherwise the system would try for a quarter of an hour."""
 PEER_SILENT_S = 3.0
 """[s] A listener keeps to its peer until that is silent this long: no stranger takes its place."""
 
@@ -69,7 +72,7 @@ class UdpTransport(Transport):
         for _ in range(_MOST_READS):
             try:
                 data, sender = self._socket.recvfrom(_READ)
-            except (BlockingIOError, ConnectionRefusedError):
+            except OSError:
                 break  # nothing more; or our last datagram found nobody: the heartbeat will tell
             if self._is_peer(sender):
                 parts.append(data)
@@ -107,6 +110,8 @@ class TcpTransport(Transport):
         self._name = f"tcp:{host}:{port}"
         self._socket = socket.create_connection((host, port), timeout=CONNECT_S)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        unanswered_ms = round(UNANSWERED_S * 1e3)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, unanswered_ms)
         self._socket.setblocking(False)
 
     def fileno(self) -> int:

@@ -63,5 +63,8 @@ WAYPOINT_REACHED = _info("waypoint_reached", "A waypoint is reached; the next on
 GOAL_REACHED = _info("goal_reached", "The last goal is reached: neutral thrust.")
 OVERRUN = _warning("overrun", "A decision took longer than the time between two scans.")
 STATE = _info("state", "The vessel's state changed.")
-LINK_DOWN = _error("link_down", "The connection to the autopilot broke.")
+LINK_DOWN = _error(
+    "link_down", "The connection to the autopilot broke: it is opened again, neutral thrust."
+)
+LINK_RESTORED = _info("link_restored", "The connection to the autopilot is open again.")
 RECORDER = _warning("recorder", "The recorder lost messages or stopped; the boat goes on.")

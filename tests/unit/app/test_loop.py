@@ -152,6 +152,18 @@ def test_a_connection_that_breaks_is_told_once_and_the_loop_goes_on() -> None:
     assert rig.outlet.decisions > before + 15
     assert "autopilot_silent" in rig.names
     assert cdr.decode_thrust(rig.thrusts[-1]) == 0.0
+    assert "link_restored" not in rig.names
+
+
+def test_a_connection_that_comes_back_is_told_once_and_each_new_break_again() -> None:
+    rig = Rig().run(5.0)
+    for times in (1, 2):
+        rig.line.broken = True
+        rig.run(1.0)
+        rig.line.broken = False
+        rig.run(5.0)
+        assert rig.names.count("link_down") == rig.names.count("link_restored") == times
+    assert cdr.decode_thrust(rig.thrusts[-2]) > 0.0
 
 
 def test_the_garbage_collector_is_left_as_it_was() -> None:
