@@ -133,3 +133,49 @@ class ShiftFinder:
         centre: Sequence[float],
         turn: float,
     ) -> Shift: ...
+
+class Law:
+    def __init__(
+        self,
+        base: tuple[float, float],
+        gain: float = 0.0,
+        low: float = ...,
+        high: float = ...,
+    ) -> None: ...
+    def after(self, first: tuple[float, float], until: float) -> Law: ...
+    def __call__(self, time: float, surge: float) -> tuple[float, float]: ...
+
+class Foresight:
+    def __init__(
+        self,
+        *,
+        vessel: tuple[Sequence[float], Sequence[float], Sequence[float]],
+        lever: float,
+        hull: Sequence[tuple[float, float]],
+        steps: int,
+        dt: float,
+        slew: float,
+        margin: float,
+        approach: float,
+    ) -> None: ...
+    def path(
+        self, motion: Sequence[float], thrust: tuple[float, float], law: Law
+    ) -> NDArray[np.float64]: ...
+    def contact(
+        self,
+        path: NDArray[np.float64],
+        p: NDArray[np.float64],
+        v: NDArray[np.float64],
+        radius: NDArray[np.float64],
+        horizon: NDArray[np.float64],
+    ) -> tuple[float, float, float, int, bool]: ...
+    def judge(
+        self,
+        motion: Sequence[float],
+        thrust: tuple[float, float],
+        law: Law,
+        p: NDArray[np.float64],
+        v: NDArray[np.float64],
+        radius: NDArray[np.float64],
+        horizon: NDArray[np.float64],
+    ) -> tuple[float, float, float, int, bool]: ...

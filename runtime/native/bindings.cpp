@@ -10,6 +10,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "assurance.hpp"
 #include "gather.hpp"
 #include "kernel.hpp"
 #include "shift.hpp"
@@ -146,6 +147,91 @@ void bind_shift(nb::module_& m) {
       .def("__call__", &find_shift, "before"_a, "after"_a, "guess"_a, "centre"_a, "turn"_a);
 }
 
+using Rows2 = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
+using Column = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Path = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+
+twinscrew::Surroundings surroundings(const Rows2& p, const Rows2& v, const Column& radius,
+                                     const Column& horizon) {
+  const std::size_t size = radius.size();
+  if (p.shape(0) != size || v.shape(0) != size || horizon.size() != size) {
+    throw std::invalid_argument("Foresight: p, v, radius and horizon of every circle");
+  }
+  return {{p.data(), 2 * size}, {v.data(), 2 * size}, {radius.data(), size}, {horizon.data(), size}};
+}
+
+nb::tuple as_tuple(const twinscrew::Contact& c) {
+  return nb::make_tuple(c.harm, c.time, c.speed, c.circle, c.to_starboard);
+}
+
+void bind_assurance(nb::module_& m) {
+  using twinscrew::Foresight, twinscrew::Law, twinscrew::Planar, twinscrew::Thrusts;
+  nb::class_<Law>(m, "Law", "What a manoeuvre wants of the propellers.")
+      .def(
+          "__init__",
+          [](Law* self, const Thrusts& base, double gain, double low, double high) {
+            new (self) Law{base, gain, low, high};
+          },
+          "base"_a, "gain"_a = 0.0, "low"_a = -std::numeric_limits<double>::infinity(),
+          "high"_a = std::numeric_limits<double>::infinity())
+      .def(
+          "after",
+          [](Law law, const Thrusts& first, double until) {
+            law.first = first;
+            law.until = until;
+            return law;
+          },
+          "first"_a, "until"_a, "The same, but something else for a while.")
+      .def(
+          "__call__",
+          [](const Law& law, double time, double surge) {
+            const auto [left, right] = law(time, surge);
+            return nb::make_tuple(left, right);
+          },
+          "time"_a, "surge"_a);
+  nb::class_<Foresight>(m, "Foresight", "Where manoeuvres lead, and into contact with what.")
+      .def(
+          "__init__",
+          [](Foresight* self, const std::array<Planar, 3>& vessel, double lever,
+             const std::vector<Thrusts>& hull, int steps, double dt, double slew, double margin,
+             double approach) {
+            if (steps < 1 || !(dt > 0.0) || hull.empty()) {
+              throw std::invalid_argument("Foresight: a step, a time and a hull at least");
+            }
+            std::vector<twinscrew::HullCircle> circles;
+            for (const auto& [ahead, radius] : hull) circles.push_back({ahead, radius});
+            new (self) Foresight({vessel[0], vessel[1], vessel[2], lever}, circles,
+                                 {steps, dt, slew, margin, approach});
+          },
+          nb::kw_only(), "vessel"_a, "lever"_a, "hull"_a, "steps"_a, "dt"_a, "slew"_a, "margin"_a,
+          "approach"_a)
+      .def(
+          "path",
+          [](Foresight& self, const Planar& motion, const Thrusts& thrust, const Law& law) {
+            const auto path = self.sail(motion, thrust, law);
+            return make_array<double>({path.size(), 3}, [&](double* out) {
+              for (const Planar& pose : path) out = std::copy(pose.begin(), pose.end(), out);
+            });
+          },
+          "motion"_a, "thrust"_a, "law"_a)
+      .def(
+          "contact",
+          [](const Foresight& self, Path path, Rows2 p, Rows2 v, Column radius, Column horizon) {
+            std::vector<Planar> poses(path.shape(0));
+            for (std::size_t i = 0; i < 3 * poses.size(); ++i) poses[i / 3][i % 3] = path.data()[i];
+            return as_tuple(self.judge(poses, surroundings(p, v, radius, horizon)));
+          },
+          "path"_a, "p"_a, "v"_a, "radius"_a, "horizon"_a)
+      .def(
+          "judge",
+          [](Foresight& self, const Planar& motion, const Thrusts& thrust, const Law& law, Rows2 p,
+             Rows2 v, Column radius, Column horizon) {
+            const twinscrew::Surroundings around = surroundings(p, v, radius, horizon);
+            return as_tuple(self.judge(self.sail(motion, thrust, law), around));
+          },
+          "motion"_a, "thrust"_a, "law"_a, "p"_a, "v"_a, "radius"_a, "horizon"_a);
+}
+
 void bind_kernel(nb::module_& m) {
   nb::class_<twinscrew::Gates>(m, "Gates", "Which echoes are of use.")
       .def(nb::init<>())
@@ -220,9 +306,11 @@ void bind_kernel(nb::module_& m) {
 
 NB_MODULE(_native, m) {
   m.doc() = "Native kernels.";
+  nb::set_leak_warnings(false);  // what module globals hold at exit is no leak
   m.def("gather_frd", &gather_frd, "data"_a, "offsets"_a, "shape"_a, "steps"_a,
         nb::arg("points_S").noconvert(),
         "Copy float32 x, y, z records (forward-left-up) into points_S (forward-starboard-down).");
   bind_kernel(m);
   bind_shift(m);
+  bind_assurance(m);
 }

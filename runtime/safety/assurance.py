@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from twinscrew.runtime._native import Law
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
     Float64,
@@ -23,15 +24,13 @@ from twinscrew.runtime.safety.assurance_contact import (
     Circles,
     Contact,
     surroundings,
-    worst_contact,
 )
+from twinscrew.runtime.safety.assurance_foresight import Foresight
 from twinscrew.runtime.safety.assurance_manoeuvres import Manoeuvre, held, later, ways_out
 from twinscrew.runtime.safety.assurance_vessel import (
     AssuranceVessel,
-    Law,
     Motion,
     Thrust,
-    predict,
     slewed,
 )
 from twinscrew.runtime.safety.events import ASSURANCE_INTERVENED, ASSURANCE_RELEASED
@@ -80,7 +79,15 @@ class Assurance:
         self.settings = settings or AssuranceSettings()
         self.limits = limits or ThrustLimits()
         vessel, horizon = self.settings.vessel, self.settings.horizon_s
-        self._steps = max(1, round(horizon / self.settings.step_s))
+        self._foresight = Foresight(
+            vessel,
+            steps=max(1, round(horizon / self.settings.step_s)),
+            dt=self.settings.step_s,
+            slew_nps=self.settings.slew_nps,
+            margin_m=self.settings.margin_m,
+            approach_per_s=self.settings.approach_per_s,
+        )
+        self._ways_out = {side: self._make_ways_out(side) for side in (False, True)}
         way_m = horizon * vessel.top_speed_mps(self.limits.max_n)
         self._reach_m = way_m + vessel.extent_m + self.settings.margin_m
         self.reset()
@@ -130,7 +137,7 @@ class Assurance:
             return command, self._release(stamp_ns)
         motion = Motion(*levelled_twist(odometry).tolist())
         given, wanted = _pair(previous), _pair(command)
-        danger = self._judge(motion, wanted, held(wanted), circles)
+        danger = self._foresight.judge(motion, wanted, held(wanted), circles)
         resumes = self._begun is not None and not decided
         if not resumes and self._may_pass(motion, wanted, danger, circles):
             return command, self._release(stamp_ns)
@@ -157,55 +164,36 @@ class Assurance:
             static_mps=settings.static_mps,
         )
 
-    def _judge(self, motion: Motion, thrust: Thrust, law: Law, circles: Circles) -> Contact:
-        settings = self.settings
-        path = predict(
-            settings.vessel,
-            motion,
-            thrust,
-            law,
-            steps=self._steps,
-            dt=settings.step_s,
-            slew_nps=settings.slew_nps,
-        )
-        return worst_contact(
-            path,
-            circles,
-            settings.vessel.hull,
-            dt=settings.step_s,
-            margin_m=settings.margin_m,
-            approach_per_s=settings.approach_per_s,
-        )
-
     def _may_pass(self, motion: Motion, command: Thrust, danger: Contact, circles: Circles) -> bool:
         """Tell whether the command avoids contact, or can be followed until a later way out."""
         tolerance = self.settings.tolerance_mps
         return danger.harm <= tolerance or any(
-            self._judge(
-                motion, command, later(self.settings.wait_s, command, way.law), circles
-            ).harm
+            self._foresight.judge(motion, command, self._after_wait(command, way.law), circles).harm
             <= tolerance
-            for way in self._ways_out(danger)
+            for way in self._ways_out[danger.to_starboard]
         )
+
+    def _after_wait(self, command: Thrust, law: Law) -> Law:
+        return later(self.settings.wait_s, command, law)
 
     def _best(
         self, motion: Motion, given: Thrust, danger: Contact, circles: Circles
     ) -> tuple[Manoeuvre, Contact]:
         """Give the first way out without contact, or else the gentlest, and what it leads to."""
         judged = []
-        for way in self._ways_out(danger):
-            rest = self._judge(motion, given, way.law, circles)
+        for way in self._ways_out[danger.to_starboard]:
+            rest = self._foresight.judge(motion, given, way.law, circles)
             if rest.harm <= self.settings.tolerance_mps:
                 return way, rest
             judged.append((way, rest))
         return min(judged, key=lambda pair: pair[1].harm)
 
-    def _ways_out(self, danger: Contact) -> tuple[Manoeuvre, ...]:
+    def _make_ways_out(self, to_starboard: bool) -> tuple[Manoeuvre, ...]:
         return ways_out(
             self.limits,
             brake_nspm=self.settings.brake_nspm,
             turn_n=self.settings.turn_n,
-            to_starboard=danger.to_starboard,
+            to_starboard=to_starboard,
         )
 
     def _intervene(self, stamp_ns: int, manoeuvre: str, danger: Contact) -> tuple[HealthEvent, ...]:

@@ -1,4 +1,4 @@
-"""Whether a path leads to contact, how soon and how hard."""
+"""What could be met, and what a contact is."""
 
 from __future__ import annotations
 
@@ -81,67 +81,3 @@ def surroundings(
         radius=radius[near],
         horizon_s=horizon[near],
     )
-
-
-def worst_contact(
-    path: Float64,
-    circles: Circles,
-    hull: tuple[tuple[float, float], ...],
-    *,
-    dt: float,
-    margin_m: float,
-    approach_per_s: float,
-) -> Contact:
-    """Judge a path.
-
-    Nearer than the margin, closing in is allowed at `approach_per_s` times the gap that is left, so
-    that a vessel may pass along an edge, or lie beside it, but not run into it. What comes later
-    counts less, down to nothing at the track's horizon: until then there is time to decide again.
-
-    Parameters
-    ----------
-    path : (T + 1, 3) float64
-        x, y [m], heading [rad] in the present frame B, `dt` [s] apart, the first one now.
-    circles
-        What is around.
-    hull
-        [m] Circles that cover the own hull: how far ahead of the origin, radius.
-    """
-    steps = len(path) - 1
-    gap = gaps(path, circles, hull, dt)
-    if gap.min() >= margin_m:
-        return NO_CONTACT
-    closing = (gap[:-1] - gap[1:]) / dt
-    allowed = approach_per_s * np.maximum(gap[1:], 0.0)
-    weight = 1.0 - dt * np.arange(1, steps + 1)[:, None, None] / (circles.horizon_s + dt)
-    harm = np.where(gap[1:] < margin_m, (closing - allowed) * np.maximum(weight, 0.0), 0.0)
-    harmful = (harm > 0.0).any(axis=(1, 2))
-    if not harmful.any():
-        return NO_CONTACT
-    first = int(np.argmax(harmful))
-    _, k = divmod(int(np.argmax(harm[first])), len(circles.id))
-    x, y, heading = path[first + 1]
-    there = circles.p_B[k] + (first + 1) * dt * circles.v_B[k] - (x, y)
-    return Contact(
-        harm=float(harm.max()),
-        time_s=(first + 1) * dt,
-        speed_mps=float(closing[first, :, k].max()),
-        track=circles.id[k],
-        to_starboard=bool(np.cos(heading) * there[1] > np.sin(heading) * there[0]),
-    )
-
-
-def gaps(
-    path: Float64, circles: Circles, hull: tuple[tuple[float, float], ...], dt: float
-) -> Float64:
-    """Give the distances between surfaces along a path, (T + 1, H, K) [m]; see `worst_contact`."""
-    ahead, own = np.array(hull).T
-    # Points of the plane as complex numbers, x + iy: a rotation is one product.
-    here = path[:, :2].copy().view(np.complex128)
-    if ahead.any():
-        here = here + ahead * np.exp(1j * path[:, 2:])
-    there = circles.p_B.view(np.complex128).T
-    there = there + dt * np.arange(len(path))[:, None] * circles.v_B.view(np.complex128).T
-    apart: Float64 = np.abs(there[:, None] - here[:, :, None])
-    apart -= own[:, None] + circles.radius
-    return apart

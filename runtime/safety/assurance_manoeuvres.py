@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from twinscrew.runtime.safety.assurance_vessel import Law, Thrust
+from twinscrew.runtime._native import Law
+from twinscrew.runtime.safety.assurance_vessel import Thrust
 from twinscrew.runtime.safety.guard import ThrustLimits
 
 
@@ -45,20 +46,14 @@ def ways_out(
 
 def held(thrust: Thrust) -> Law:
     """Want the same all the time."""
-    return lambda time_s, surge: thrust  # noqa: ARG005
+    return Law(thrust)
 
 
 def later(wait_s: float, command: Thrust, law: Law) -> Law:
     """Follow a command for a while [s], then the law."""
-    return lambda time_s, surge: law(time_s, surge) if time_s >= wait_s - 1e-9 else command
+    return law.after(command, wait_s)
 
 
 def braking(gain_nspm: float, turn_n: float, limits: ThrustLimits) -> Law:
     """Thrust against the speed until it is gone, and meanwhile turn to starboard by `turn_n`."""
-    low, high = limits.min_n, limits.max_n
-
-    def law(time_s: float, surge: float) -> Thrust:  # noqa: ARG001
-        against = -gain_nspm * surge
-        return min(max(against + turn_n, low), high), min(max(against - turn_n, low), high)
-
-    return law
+    return Law((turn_n, -turn_n), gain_nspm, limits.min_n, limits.max_n)

@@ -1,15 +1,16 @@
 import numpy as np
 import pytest
+from tests.reference.assurance import gaps
 
 from twinscrew.runtime.geometry.frames import quaternion_from_euler
 from twinscrew.runtime.messages.types import Odometry, Tracks
 from twinscrew.runtime.safety.assurance_contact import (
     NO_CONTACT,
     Circles,
-    gaps,
     surroundings,
-    worst_contact,
 )
+from twinscrew.runtime.safety.assurance_foresight import Foresight
+from twinscrew.runtime.safety.assurance_vessel import AssuranceVessel
 
 DT = 0.1
 
@@ -32,9 +33,15 @@ def circles(*rows: tuple[float, float, float, float, float], horizon_s: float = 
 
 
 def contact(path, around, hull=((0.0, 2.8),), margin_m=0.5, approach_per_s=1.0):
-    return worst_contact(
-        path, around, hull, dt=DT, margin_m=margin_m, approach_per_s=approach_per_s
+    foresight = Foresight(
+        AssuranceVessel(hull=hull),
+        steps=1,
+        dt=DT,
+        slew_nps=1000.0,
+        margin_m=margin_m,
+        approach_per_s=approach_per_s,
     )
+    return foresight.contact(path, around)
 
 
 def test_gaps_are_those_worked_out_by_hand():

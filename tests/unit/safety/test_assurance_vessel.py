@@ -13,11 +13,12 @@ from twinscrew.hil_sim.vessel.state import VesselState
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.policy.vessel_model import VesselModel, VesselParameters
+from twinscrew.runtime.safety.assurance_foresight import Foresight
+from twinscrew.runtime.safety.assurance_manoeuvres import held
 from twinscrew.runtime.safety.assurance_vessel import (
     AssuranceVessel,
     Motion,
     Thrust,
-    predict,
     slewed,
 )
 from twinscrew.runtime.settings import convert
@@ -30,12 +31,14 @@ PUBLISHED = AssuranceVessel(
 )
 
 
-def held(thrust: Thrust):
-    return lambda time_s, surge: thrust
+def foresight(vessel: AssuranceVessel, steps: int, dt: float, slew_nps: float = 1000.0):
+    return Foresight(
+        vessel, steps=steps, dt=dt, slew_nps=slew_nps, margin_m=0.5, approach_per_s=1.0
+    )
 
 
 def path(vessel: AssuranceVessel, motion: Motion, thrust: Thrust, steps: int, dt: float):
-    return predict(vessel, motion, thrust, held(thrust), steps=steps, dt=dt, slew_nps=1000.0)
+    return foresight(vessel, steps, dt).path(motion, thrust, held(thrust))
 
 
 def trained(motion: Motion, thrust: Thrust, seconds: float) -> np.ndarray:
@@ -87,7 +90,7 @@ def test_a_slower_propeller_takes_longer_to_stop_the_vessel():
     def stopping_way(slew_nps: float) -> float:
         motion, astern = Motion(3.0, 0.0, 0.0), held((-500.0, -500.0))
         vessel, start = AssuranceVessel(), (1000.0, 1000.0)
-        there = predict(vessel, motion, start, astern, steps=40, dt=0.1, slew_nps=slew_nps)
+        there = foresight(vessel, 40, 0.1, slew_nps).path(motion, start, astern)
         return float(there[:, 0].max())
 
     assert stopping_way(500.0) > stopping_way(1000.0) + 0.5 > stopping_way(1e9) + 1.0

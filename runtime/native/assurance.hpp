@@ -1,0 +1,191 @@
+// Where a manoeuvre takes the vessel, and whether that leads to contact. Derivation:
+// docs/assurance.md; tests/reference/assurance.py is the same in plain Python.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <span>
+#include <utility>
+#include <vector>
+
+namespace twinscrew {
+
+using Thrusts = std::array<double, 2>;  // [N] of the left and the right propeller
+using Planar = std::array<double, 3>;   // surge, sway [m/s], yaw rate [rad/s]; or x, y [m], heading
+
+// What a manoeuvre wants of the propellers: `first` for a while, then base - gain * surge.
+struct Law {
+  Thrusts base{};
+  double gain = 0.0;  // [N s/m]
+  double low = -std::numeric_limits<double>::infinity();   // [N]
+  double high = std::numeric_limits<double>::infinity();   // [N]
+  Thrusts first{};
+  double until = 0.0;  // [s]
+
+  Thrusts operator()(double time, double surge) const {
+    if (time < until - 1e-9) return first;
+    const double against = -gain * surge;
+    return {std::min(std::max(against + base[0], low), high),
+            std::min(std::max(against + base[1], low), high)};
+  }
+};
+
+struct VesselInPlane {
+  Planar inertia, linear, quadratic;  // of surge, sway, yaw; drag is positive
+  double lever;                       // [m] from the centre line to a propeller
+};
+
+struct HullCircle {
+  double ahead, radius;  // [m]
+};
+
+struct ContactRules {
+  int steps;        // [-] of a prediction
+  double dt;        // [s] their length
+  double slew;      // [N/s] how fast each thrust may change
+  double margin;    // [m] nearer than this, closing in is limited
+  double approach;  // [1/s] to this times the gap
+};
+
+// What is around, going straight on: a row each.
+struct Surroundings {
+  std::span<const double> p, v;             // [m], [m/s] x and y
+  std::span<const double> radius, horizon;  // [m], [s]
+  std::size_t size() const { return radius.size(); }
+};
+
+struct Contact {
+  double harm = 0.0;  // [m/s] how much faster than allowed it closes in, less the later
+  double time = std::numeric_limits<double>::infinity();  // [s] until it first does
+  double speed = 0.0;                                     // [m/s] how fast it then closes in
+  int circle = -1;                                        // which one it is
+  bool to_starboard = false;
+};
+
+// Predicts and judges; keeps its memory between calls.
+class Foresight {
+ public:
+  Foresight(const VesselInPlane& vessel, std::vector<HullCircle> hull, const ContactRules& rules)
+      : vessel_(vessel), hull_(std::move(hull)), rules_(rules), path_(static_cast<std::size_t>(rules.steps) + 1) {}
+
+  // Euler steps of the velocity, trapezoids of the position, from the origin on.
+  // Fossen (2021), chapters 3 and 6; added mass is within the inertia.
+  std::span<const Planar> sail(const Planar& motion, Thrusts thrust, const Law& law) {
+    auto [u, v, r] = motion;
+    Planar pose{};
+    path_[0] = pose;
+    for (int step = 0; step < rules_.steps; ++step) {
+      thrust = slewed(thrust, law(step * rules_.dt, u));
+      const auto [du, dv, dr] = change({u, v, r}, thrust);
+      // The mean of the velocities before and after: the new ones alone would brake too well.
+      const double ahead = u + du / 2.0, across = v + dv / 2.0;
+      const double turn = rules_.dt * (r + dr / 2.0);
+      const double cosine = std::cos(pose[2] + turn / 2.0), sine = std::sin(pose[2] + turn / 2.0);
+      pose[0] += rules_.dt * (cosine * ahead - sine * across);
+      pose[1] += rules_.dt * (sine * ahead + cosine * across);
+      pose[2] += turn;
+      u += du, v += dv, r += dr;
+      path_[static_cast<std::size_t>(step) + 1] = pose;
+    }
+    return path_;
+  }
+
+  // The worst that a path leads to, and the first time that it closes in too fast. What comes later
+  // counts less, down to nothing at the horizon: until then there is time to decide again.
+  Contact judge(std::span<const Planar> path, const Surroundings& around) const {
+    Contact worst;
+    for (std::size_t step = 1; step < path.size(); ++step) {
+      Contact now;
+      for (const HullCircle& own : hull_) {
+        for (std::size_t k = 0; k < around.size(); ++k) meet(path, step, own, around, k, now);
+      }
+      if (now.circle >= 0 && worst.circle < 0) {
+        worst = now;
+        worst.speed = fastest(path, step, around, static_cast<std::size_t>(now.circle));
+        worst.to_starboard = starboard(path, step, around, static_cast<std::size_t>(now.circle));
+      }
+      worst.harm = std::max(worst.harm, now.harm);
+    }
+    return worst;
+  }
+
+ private:
+  Thrusts slewed(Thrusts thrust, const Thrusts& wanted) const {
+    const double most = rules_.slew * rules_.dt;
+    for (std::size_t i = 0; i < 2; ++i) {
+      thrust[i] += std::min(std::max(wanted[i] - thrust[i], -most), most);
+    }
+    return thrust;
+  }
+
+  // How the velocity changes in one step.
+  Planar change(const Planar& nu, const Thrusts& thrust) const {
+    const auto [u, v, r] = nu;
+    const auto [m11, m22, m66] = vessel_.inertia;
+    const auto drag = [&](std::size_t i) {
+      return (vessel_.linear[i] + vessel_.quadratic[i] * std::fabs(nu[i])) * nu[i];
+    };
+    const double surge = thrust[0] + thrust[1] + m22 * v * r - drag(0);
+    const double sway = -m11 * u * r - drag(1);
+    const double yaw = (thrust[0] - thrust[1]) * vessel_.lever + (m11 - m22) * u * v - drag(2);
+    return {rules_.dt * surge / m11, rules_.dt * sway / m22, rules_.dt * yaw / m66};
+  }
+
+  // From a circle of the hull to where a track then is.
+  Thrusts apart(const Planar& pose, double ahead, const Surroundings& around, std::size_t k,
+                std::size_t step) const {
+    const double time = static_cast<double>(step) * rules_.dt;
+    double x = around.p[2 * k] + time * around.v[2 * k] - pose[0];
+    double y = around.p[2 * k + 1] + time * around.v[2 * k + 1] - pose[1];
+    if (ahead != 0.0) x -= ahead * std::cos(pose[2]), y -= ahead * std::sin(pose[2]);
+    return {x, y};
+  }
+
+  double gap(std::span<const Planar> path, std::size_t step, const HullCircle& own,
+             const Surroundings& around, std::size_t k) const {
+    const auto [x, y] = apart(path[step], own.ahead, around, k, step);
+    return std::sqrt(x * x + y * y) - (own.radius + around.radius[k]);
+  }
+
+  // [m/s] How fast they closed in during the step that ends here.
+  double closing(std::span<const Planar> path, std::size_t step, const HullCircle& own,
+                 const Surroundings& around, std::size_t k) const {
+    return (gap(path, step - 1, own, around, k) - gap(path, step, own, around, k)) / rules_.dt;
+  }
+
+  // Keeps what does most harm in this step.
+  void meet(std::span<const Planar> path, std::size_t step, const HullCircle& own,
+            const Surroundings& around, std::size_t k, Contact& now) const {
+    const double left = gap(path, step, own, around, k);
+    if (!(left < rules_.margin)) return;
+    const double time = static_cast<double>(step) * rules_.dt;
+    const double weight = 1.0 - time / (around.horizon[k] + rules_.dt);
+    const double allowed = rules_.approach * std::max(left, 0.0);
+    const double harm =
+        (closing(path, step, own, around, k) - allowed) * std::max(weight, 0.0);
+    if (harm > now.harm) now = {harm, time, 0.0, static_cast<int>(k), false};
+  }
+
+  double fastest(std::span<const Planar> path, std::size_t step, const Surroundings& around,
+                 std::size_t k) const {
+    double most = -std::numeric_limits<double>::infinity();
+    for (const HullCircle& own : hull_) most = std::max(most, closing(path, step, own, around, k));
+    return most;
+  }
+
+  bool starboard(std::span<const Planar> path, std::size_t step, const Surroundings& around,
+                 std::size_t k) const {
+    const auto [x, y] = apart(path[step], 0.0, around, k, step);
+    return std::cos(path[step][2]) * y > std::sin(path[step][2]) * x;
+  }
+
+  VesselInPlane vessel_;
+  std::vector<HullCircle> hull_;
+  ContactRules rules_;
+  std::vector<Planar> path_;
+};
+
+}  // namespace twinscrew

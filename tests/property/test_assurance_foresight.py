@@ -1,0 +1,85 @@
+"""The native prediction and judgement against the plain ones."""
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from tests.reference.assurance import predict, worst_contact
+
+from twinscrew.runtime.safety.assurance_contact import Circles
+from twinscrew.runtime.safety.assurance_foresight import Foresight
+from twinscrew.runtime.safety.assurance_manoeuvres import braking, held, later, ways_out
+from twinscrew.runtime.safety.assurance_vessel import AssuranceVessel, Motion
+from twinscrew.runtime.safety.guard import ThrustLimits
+
+STEPS, DT, SLEW, MARGIN, APPROACH = 40, 0.1, 1000.0, 0.8, 0.7
+LIMITS = ThrustLimits()
+HULLS = (((0.0, 2.8),), ((-1.7, 1.3), (1.5, 1.4)), ((0.0, 0.4), (2.0, 0.3), (-2.0, 0.3)))
+
+thrusts = st.tuples(*2 * [st.floats(-500.0, 1000.0)])
+motions = st.builds(Motion, st.floats(-2.0, 4.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+vessels = st.builds(lambda hull: AssuranceVessel(hull=hull), st.sampled_from(HULLS))
+manoeuvres = st.sampled_from(
+    [way.law for way in ways_out(LIMITS, brake_nspm=500.0, turn_n=500.0, to_starboard=True)]
+)
+laws = st.one_of(
+    st.builds(held, thrusts),
+    manoeuvres,
+    st.builds(lambda turn: braking(500.0, turn, LIMITS), st.floats(-500.0, 500.0)),
+    st.builds(later, st.floats(0.0, 1.0), thrusts, manoeuvres),
+)
+
+
+def foresight(vessel: AssuranceVessel) -> Foresight:
+    return Foresight(
+        vessel,
+        steps=STEPS,
+        dt=DT,
+        slew_nps=SLEW,
+        margin_m=MARGIN,
+        approach_per_s=APPROACH,
+    )
+
+
+def circles(seed: int, count: int) -> Circles:
+    rng = np.random.default_rng(seed)
+    moving = rng.random((count, 1)) < 0.5
+    return Circles(
+        id=tuple(range(100, 100 + count)),
+        p_B=rng.uniform(-14.0, 14.0, (count, 2)),
+        v_B=rng.uniform(-3.0, 3.0, (count, 2)) * moving,
+        radius=rng.uniform(0.5, 3.0, count),
+        horizon_s=np.where(moving[:, 0], 1.5, 4.0),
+    )
+
+
+@given(vessels, motions, thrusts, laws)
+def test_the_path_is_the_plain_ones(vessel, motion, thrust, law):
+    expected = predict(vessel, motion, thrust, law, steps=STEPS, dt=DT, slew_nps=SLEW)
+    assert foresight(vessel).path(motion, thrust, law) == pytest.approx(expected, abs=1e-12)
+
+
+@given(vessels, motions, thrusts, laws, st.integers(0, 1 << 20), st.integers(1, 12))
+@example(AssuranceVessel(), Motion(3.0, 0.0, 0.0), (1000.0, 1000.0), held((1e3, 1e3)), 3, 12)
+def test_the_contact_is_the_plain_ones(vessel, motion, thrust, law, seed, count):
+    around = circles(seed, count)
+    path = predict(vessel, motion, thrust, law, steps=STEPS, dt=DT, slew_nps=SLEW)
+    expected = worst_contact(
+        path, around, vessel.hull, dt=DT, margin_m=MARGIN, approach_per_s=APPROACH
+    )
+    for found in (
+        foresight(vessel).contact(path, around),
+        foresight(vessel).judge(motion, thrust, law, around),
+    ):
+        assert found == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("wrong", ["p_B", "v_B", "horizon_s"])
+def test_arrays_that_disagree_are_refused(wrong):
+    from dataclasses import replace
+
+    around = circles(0, 4)
+    short = replace(around, **{wrong: getattr(around, wrong)[:-1].copy()})
+    judge = foresight(AssuranceVessel()).judge
+    with pytest.raises(ValueError, match="of every circle"):
+        judge(Motion(0.0, 0.0, 0.0), (0.0, 0.0), held((0.0, 0.0)), short)
