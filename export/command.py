@@ -16,6 +16,7 @@ from twinscrew.export.card import scores, write_card
 from twinscrew.export.onnx_file import (
     FORMAT,
     INPUTS,
+    RISK,
     DeployedPolicy,
     onnx_bytes,
     write_atomically,
@@ -43,6 +44,15 @@ def export(
             show_default="the configuration's radius_margin",
         ),
     ] = None,
+    risk: Annotated[
+        float | None,
+        typer.Option(
+            min=1e-3,
+            max=1.0,
+            help="Risk level that holds where a user gives none.",
+            show_default="the configuration's, in the checkpoint's phase",
+        ),
+    ] = None,
     episodes: Annotated[
         int, typer.Option(min=1, help="For the card, in each of the six settings.")
     ] = 1000,
@@ -52,9 +62,10 @@ def export(
 ) -> None:
     """Turn a training run's actor into a self-contained ONNX file."""
     console = Console(stderr=True)
-    policy, settings, trained = load_run(run_dir, runs.CHECKPOINT if last else runs.BEST, margin)
+    checkpoint = runs.CHECKPOINT if last else runs.BEST
+    policy, settings, trained = load_run(run_dir, checkpoint, margin, risk)
     deployed = DeployedPolicy(policy, RATE_LIMIT)
-    metadata = describe(settings, "/".join(run_dir.resolve().parts[-2:]))
+    metadata = describe(settings, "/".join(run_dir.resolve().parts[-2:]), deployed.risk)
     write_atomically(onnx_bytes(deployed, metadata), out)
     parity = check_parity(deployed, out)
     console.print(
@@ -75,8 +86,9 @@ def export(
         print(card.read_text(encoding="utf-8"), end="")
 
 
-def describe(settings: TrainSettings, run: str) -> dict[str, str]:
+def describe(settings: TrainSettings, run: str, risk: float | None = None) -> dict[str, str]:
     """Give the metadata of a policy file: strings, as ONNX wants them."""
+    inputs = INPUTS if risk is None else {**INPUTS, "risk": {**RISK, "default": risk}}
     environment = settings.environment
     vessel = environment.vessel
     return {
@@ -89,7 +101,7 @@ def describe(settings: TrainSettings, run: str) -> dict[str, str]:
         "observed_objects": str(OBSERVED_OBJECTS),
         "perception_range_m": str(environment.range_m),
         "radius_margin": str(settings.radius_margin),
-        "inputs": json.dumps(INPUTS),
+        "inputs": json.dumps(inputs),
         "training_run": run,
         "commit": _commit(),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),

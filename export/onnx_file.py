@@ -15,6 +15,7 @@ from torch import Tensor, nn
 
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
+from twinscrew.training.networks import Pilot
 from twinscrew.training.observations import EGO_COLUMNS, OBJECT_COLUMNS, Observations
 
 OPSET = 18
@@ -41,21 +42,29 @@ INPUTS = {
         "units": ["-"],
     },
 }
+RISK = {"shape": ["N", 1], "frame": "-", "columns": ["alpha"], "units": ["-"]}
 OUTPUT = "thrust_rate"
 
 
 class DeployedPolicy(nn.Module):
     """The graph that sails: raw observations in, thrust rates out."""
 
-    def __init__(self, pilot: nn.Module, rate_max_n_per_s: float) -> None:
+    def __init__(self, pilot: Pilot, rate_max_n_per_s: float) -> None:
         """Take a pilot (observations to actions in [-1, 1]) and the rate [N/s] of action 1."""
         super().__init__()
         self.pilot = pilot
         self.rate_max = rate_max_n_per_s
 
-    def forward(self, ego: Tensor, objects: Tensor, mask: Tensor) -> Tensor:
-        """Give thrust rates (N, 2) [N/s], left and right."""
-        action: Tensor = self.pilot(Observations(ego, objects, mask))
+    @property
+    def risk(self) -> float | None:
+        """[-] The level that holds where none is given; None: it takes none."""
+        return None if self.pilot.risk is None else float(self.pilot.risk)
+
+    def forward(
+        self, ego: Tensor, objects: Tensor, mask: Tensor, risk: Tensor | None = None
+    ) -> Tensor:
+        """Give thrust rates (N, 2) [N/s], left and right, at risk levels (N, 1), if any."""
+        action: Tensor = self.pilot(Observations(ego, objects, mask), risk)
         return action * self.rate_max
 
 
@@ -88,28 +97,47 @@ def onnx_bytes(policy: DeployedPolicy, metadata: Mapping[str, str]) -> bytes:
     for key, value in metadata.items():
         if not isinstance(value, str):
             raise PolicyError(f"metadata {key!r} must be a string, got {value!r}")
-    batch = torch.export.Dim("N", min=1)
-    with _quiet_exporter():
-        program = torch.onnx.export(
-            policy.eval(),
-            example_inputs(2, seed=0),
-            input_names=list(INPUTS),
-            output_names=[OUTPUT],
-            opset_version=OPSET,
-            dynamic_shapes=({0: batch}, {0: batch}, {0: batch}),
-            dynamo=True,
-            verbose=False,
-            external_data=False,
-        )
-    assert program is not None  # noqa: S101 - None is what other, older modes return
-    model = program.model_proto
+    model = _trace(policy.eval())
     _strip(model)
+    if policy.risk is not None:
+        _give_default(model.graph, "risk", policy.risk)
     onnx.helper.set_model_props(model, dict(metadata))
     try:
         onnx.checker.check_model(model, full_check=True)
     except onnx.checker.ValidationError as error:
         raise PolicyError(f"the exported graph is not valid ONNX: {error}") from error
     return bytes(model.SerializeToString())
+
+
+def _trace(policy: DeployedPolicy) -> onnx.ModelProto:
+    batch = torch.export.Dim("N", min=1)
+    # One level for all rows: the graph then broadcasts it, and so takes one a row as well.
+    risk = () if policy.risk is None else (torch.full((1, 1), policy.risk),)
+    with _quiet_exporter():
+        program = torch.onnx.export(
+            policy,
+            (*example_inputs(2, seed=0), *risk),
+            input_names=[*INPUTS, "risk"][: 3 + len(risk)],
+            output_names=[OUTPUT],
+            opset_version=OPSET,
+            dynamic_shapes=(*({0: batch} for _ in INPUTS), *(None for _ in risk)),
+            dynamo=True,
+            verbose=False,
+            external_data=False,
+        )
+    assert program is not None  # noqa: S101 - None is what other, older modes return
+    return program.model_proto
+
+
+def _give_default(graph: onnx.GraphProto, name: str, value: float) -> None:
+    """Give an input, (N, 1), a default: who does not feed it gets `value` in every row.
+
+    In ONNX that is an initializer of the input's name.
+    """
+    node = next(node for node in graph.input if node.name == name)
+    node.type.tensor_type.shape.dim[0].Clear()
+    node.type.tensor_type.shape.dim[0].dim_param = "N"
+    graph.initializer.append(onnx.helper.make_tensor(name, onnx.TensorProto.FLOAT, [1, 1], [value]))
 
 
 def write_atomically(data: bytes, file: Path) -> None:

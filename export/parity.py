@@ -38,18 +38,22 @@ class OnnxFile:
     def __init__(self, file: Path) -> None:
         options = ort.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 4  # fatal only: what goes wrong is raised
         self._session = ort.InferenceSession(str(file), options, ["CPUExecutionProvider"])
 
-    def rates(self, observations: Observations) -> Tensor:
-        """Give thrust rates, (N, 2) [N/s]."""
+    def rates(self, observations: Observations, risk: Tensor | None = None) -> Tensor:
+        """Give thrust rates, (N, 2) [N/s], at the file's own risk level or at these, (N, 1)."""
         feed = {name: part.numpy() for name, part in zip(INPUTS, observations, strict=True)}
+        if risk is not None:
+            feed["risk"] = risk.numpy()
         return torch.from_numpy(self._session.run([OUTPUT], feed)[0])
 
 
 def check_parity(policy: DeployedPolicy, file: Path) -> Parity:
     """Compare a file with the network it was made from.
 
-    On random observations and on some recorded in crowded episodes, in batches and one by one.
+    On random observations and on some recorded in crowded episodes, in batches and one by one; a
+    policy that takes a risk level with its own and with a different one in every row.
 
     Raises
     ------
@@ -61,8 +65,9 @@ def check_parity(policy: DeployedPolicy, file: Path) -> Parity:
     single = [Observations(*(part[k : k + 1] for part in batches[1])) for k in range(100)]
     with torch.no_grad():
         worst = max(
-            float((session.rates(batch) - policy(*batch)).abs().max())
+            float((session.rates(batch, risk) - policy(*batch, risk)).abs().max())
             for batch in [*batches, *single]
+            for risk in _levels(policy, len(batch.ego))
         )
     if not worst <= TOLERANCE_N_PER_S:
         raise PolicyError(
@@ -71,6 +76,11 @@ def check_parity(policy: DeployedPolicy, file: Path) -> Parity:
         )
     count = sum(len(batch.ego) for batch in batches)
     return Parity(count, worst, _decision_ms(session, single))
+
+
+def _levels(policy: DeployedPolicy, rows: int) -> list[Tensor | None]:
+    """Give the risk levels, (rows, 1), to compare at; none: the policy's own, if it has one."""
+    return [None] if policy.risk is None else [None, torch.linspace(1.0, 0.1, rows)[:, None]]
 
 
 def recorded_observations(decisions: int = 40, seed: int = 11) -> Observations:

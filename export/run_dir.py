@@ -7,18 +7,26 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-from torch import nn
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.settings import convert
 from twinscrew.training import runs
-from twinscrew.training.agents.registry import algorithm, make_agent
-from twinscrew.training.train_settings import TrainSettings
+from twinscrew.training.agents.registry import (
+    AnyAgentSettings,
+    algorithm,
+    make_agent,
+    risk_levels,
+)
+from twinscrew.training.networks import Pilot
+from twinscrew.training.train_settings import TrainSettings, phase_settings
 
 
 def load_run(
-    folder: Path, checkpoint: str = runs.BEST, radius_margin: float | None = None
-) -> tuple[nn.Module, TrainSettings, dict[str, Any]]:
+    folder: Path,
+    checkpoint: str = runs.BEST,
+    radius_margin: float | None = None,
+    risk: float | None = None,
+) -> tuple[Pilot, TrainSettings, dict[str, Any]]:
     """Read a run directory.
 
     Parameters
@@ -27,7 +35,7 @@ def load_run(
         Of one seed.
     checkpoint
         The best or the last one.
-    radius_margin
+    radius_margin, risk
         Other than what the run was told.
 
     Returns
@@ -39,7 +47,8 @@ def load_run(
     Raises
     ------
     ConfigError
-        It is not a run directory, or its checkpoint cannot be read.
+        It is not a run directory, its checkpoint cannot be read, or a risk level is asked of a
+        policy that takes none.
     """
     file = folder / runs.CONFIG
     if not file.is_file():
@@ -49,6 +58,8 @@ def load_run(
     content = runs.load_checkpoint(folder / checkpoint, algorithm(settings.agent))
     agent = make_agent(settings.agent, told["seed"], "cpu")
     agent.restore(content["agent"])
+    told_agent = phase_settings(settings, settings.phases[content["phase"]]).agent
+    agent.retune(_at_risk(told_agent, risk))
     log = runs.read_records(folder / runs.LOG)
     trained = {
         "configuration": told["settings"],
@@ -59,3 +70,11 @@ def load_run(
     if radius_margin is not None:
         settings = msgspec.structs.replace(settings, radius_margin=radius_margin)
     return agent.deployed(settings.radius_margin), settings, trained
+
+
+def _at_risk(settings: AnyAgentSettings, risk: float | None) -> AnyAgentSettings:
+    if risk is None:
+        return settings
+    if not risk_levels(settings):
+        raise ConfigError("the policy was not trained for risk levels", key="--risk")
+    return msgspec.structs.replace(settings, risk=risk)

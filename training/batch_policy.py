@@ -15,7 +15,8 @@ from twinscrew.runtime.messages.types import Float64, Observation
 from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.policy.metadata import OUTPUT_NAME
-from twinscrew.runtime.policy.onnx import OnnxPolicy
+from twinscrew.runtime.policy.onnx import AS_SHIPPED, OnnxPolicy, risk_feed
+from twinscrew.runtime.policy.risk import RiskSettings, adaptive_level
 from twinscrew.runtime.settings import shipped
 from twinscrew.training.perception import Observations
 
@@ -41,12 +42,12 @@ class BatchPolicy(Protocol):
         """Give thrust rates, (E, V, 2) [N/s]; those of vessels not `active`, (E, V), are 0."""
 
 
-def open_policy(spec: str, *, risk: float = 1.0) -> BatchPolicy:
+def open_policy(spec: str, risk: RiskSettings = AS_SHIPPED) -> BatchPolicy:
     """Give a policy by what the user typed: an ONNX file, a shipped policy's name, apf or mpc."""
     if spec in BASELINES:
-        return OneByOne(lambda: load_policy(spec))
+        return OneByOne(lambda: load_policy(spec, risk=risk))
     try:
-        return OnnxBatch(shipped("policies", spec, ".onnx"), risk=risk)
+        return OnnxBatch(shipped("policies", spec, ".onnx"), risk)
     except ConfigError as error:
         raise PolicyError(f"{error}; or {', '.join(BASELINES)}, or an ONNX file") from error
 
@@ -54,7 +55,7 @@ def open_policy(spec: str, *, risk: float = 1.0) -> BatchPolicy:
 class OnnxBatch:
     """A policy file, after all the checks of `OnnxPolicy`, asked with as many rows as there are."""
 
-    def __init__(self, path: Path, *, risk: float = 1.0) -> None:
+    def __init__(self, path: Path, risk: RiskSettings = AS_SHIPPED) -> None:
         self.metadata = OnnxPolicy(path, risk=risk).metadata
         options = ort.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
@@ -63,7 +64,6 @@ class OnnxBatch:
             path.read_bytes(), options, providers=["CPUExecutionProvider"]
         )
         self._risk = risk
-        self._asks_risk = any(node.name == "risk" for node in self._session.get_inputs())
 
     @property
     def name(self) -> str:
@@ -81,8 +81,9 @@ class OnnxBatch:
     def rates(self, seen: Observations, active: Mask) -> Float64:
         """Give thrust rates, (E, V, 2) [N/s]."""
         feed = {"ego": seen.ego[active], "objects": seen.objects[active], "mask": seen.mask[active]}
-        if self._asks_risk:
-            feed["risk"] = np.full((len(feed["ego"]), 1), self._risk, np.float32)
+        feed |= risk_feed(self._session, len(feed["ego"]), self._risk)
+        if self._risk.level == "adaptive":
+            feed["risk"] = adaptive_level(feed["objects"], feed["mask"], self._risk)
         answer = self._session.run([OUTPUT_NAME], feed)[0]
         if not np.isfinite(answer).all():
             raise PolicyError(f"{self.name} answered with numbers that are not finite")

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from twinscrew.runtime.messages.types import Float32
 from twinscrew.training import perception
 from twinscrew.training.agents.base import Agent
+from twinscrew.training.agents.registry import risk_levels
 from twinscrew.training.environment import VectorEnv
-from twinscrew.training.exploration import CorrelatedNoise, epsilon
+from twinscrew.training.exploration import CorrelatedNoise, HeldLevels, epsilon
 from twinscrew.training.nstep import NStep, Step
 from twinscrew.training.observations import unpack
 from twinscrew.training.train_settings import PhaseSettings, TrainSettings
@@ -47,6 +48,8 @@ class Collector:
         self._generator = np.random.default_rng(int(streams[1]))
         self._rows = _rows(environment.reset() for environment in self._environments)
         self._noise = CorrelatedNoise(settings.exploration, len(self._rows), self._generator)
+        levels = risk_levels(told.agent)
+        self._risk = HeldLevels(levels, len(self._rows), self._generator)
         self._join = NStep(settings.n_steps, settings.discount, len(self._rows))
 
     def step(self, agent: Agent[Any], step: int, *, random: bool) -> Float32:
@@ -56,6 +59,7 @@ class Collector:
         ends = np.cumsum([episodes * vessels for episodes, vessels, _ in shapes])[:-1]
         parts = zip(self._environments, np.split(action, ends), shapes, strict=True)
         results = [env.step(part.reshape(shape)) for env, part, shape in parts]
+        ended = _slots(result.terminated | result.truncated for result in results)
         transitions = self._join.push(
             Step(
                 observation=self._rows,
@@ -68,6 +72,7 @@ class Collector:
             )
         )
         self._rows = _rows(result.observation for result in results)
+        self._risk.renew(ended)
         return transitions
 
     def _choose(self, agent: Agent[Any], step: int, *, random: bool) -> Float32:
@@ -75,7 +80,9 @@ class Collector:
         slots = len(self._rows)
         chance = 1.0 if random else epsilon(self.settings.exploration, step)
         seen = unpack(torch.from_numpy(self._rows).to(agent.device))
-        action: Float32 = agent.act(seen, explore=True).cpu().numpy()
+        risk = self._risk.levels
+        told = None if risk is None else torch.from_numpy(risk).to(agent.device)
+        action: Float32 = agent.act(seen, explore=True, risk=told).cpu().numpy()
         if agent.continuous and self.settings.exploration.noise > 0.0:
             action = np.clip(action + self._noise.step(), -1.0, 1.0)
         dice = self._generator.random(slots) < chance

@@ -26,12 +26,21 @@ def evaluate(
     episodes: Annotated[int, typer.Option(help="How many.")] = 500,
     seed: Annotated[int, typer.Option(help="Of the episodes.")] = 0,
     risk: Annotated[
-        float, typer.Option(help="Share of the worst outcomes to weigh, (0, 1]; 1 is the mean.")
-    ] = 1.0,
+        str | None,
+        typer.Option(
+            help="Risk level: the share of the worst outcomes to weigh, (0, 1], or adaptive.",
+            show_default="the policy file's own",
+        ),
+    ] = None,
+    risks: Annotated[
+        str | None, typer.Option(help="One score at each level, as 0.125,0.5,1,adaptive.")
+    ] = None,
     every: Annotated[bool, typer.Option("--all", help="The paper's six settings.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Score a policy in the training environment."""
+    from twinscrew.runtime.errors import ConfigError
+    from twinscrew.runtime.policy.risk import parse_risk
     from twinscrew.runtime.settings import convert
     from twinscrew.training.batch_policy import open_policy
     from twinscrew.training.scenarios import ScenarioSettings
@@ -40,13 +49,18 @@ def evaluate(
     distance = published_distance_m(robots) if min_distance is None else min_distance
     one = {"robots": robots, "buoys": buoys, "min_distance_m": distance}
     rows = six_settings() if every else (convert(one, ScenarioSettings),)
-    results = _evaluate(open_policy(policy, risk=risk), rows, episodes, seed)
-    if not as_json:
-        _print_table(rows, results)
-    elif every:
-        print(json.dumps({"settings": [r.record() for r in results]}))
-    else:
-        print(json.dumps(results[0].record()))
+    if risk is not None and risks is not None:
+        raise ConfigError("give either one level or several", key="--risk, --risks")
+    curve = {}
+    for level in [risk] if risks is None else risks.split(","):
+        asked = open_policy(policy, parse_risk(level))
+        results = _evaluate(asked, rows, episodes, seed)
+        if not as_json:
+            _print_table(rows, results, "" if level is None else f"risk {level}")
+        records = [result.record() for result in results]
+        curve[level] = {"settings": records} if every else records[0]
+    if as_json:
+        print(json.dumps(curve[risk] if risks is None else {"risks": curve}))
 
 
 def _evaluate(
@@ -66,12 +80,24 @@ def _evaluate(
         ]
 
 
-def _print_table(rows: Sequence[ScenarioSettings], results: Sequence[Evaluation]) -> None:
+def _print_table(
+    rows: Sequence[ScenarioSettings], results: Sequence[Evaluation], title: str
+) -> None:
     """Print the scores, one line a setting."""
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("robots", "buoys", "distance", "success", "95 %", "time", "hits", "late")
+    table = Table(
+        "robots",
+        "buoys",
+        "distance",
+        "success",
+        "95 %",
+        "time",
+        "hits",
+        "late",
+        title=title or None,
+    )
     for row, result in zip(rows, results, strict=True):
         low, high = result.wilson95
         time = result.travel_time_s

@@ -13,7 +13,11 @@ from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.training import runs
 
-QUANTITIES = {"success": "success rate [-]", "travel_time_s": "travel time [s]"}
+QUANTITIES = {
+    "cumulative_reward": "cumulative reward [-]",
+    "success": "success rate [-]",
+    "travel_time_s": "travel time [s]",
+}
 """What is drawn, by the evaluation records' fields."""
 
 
@@ -55,7 +59,7 @@ def learning_curve(folders: Iterable[Path], quantity: str) -> Curve:
     Raises
     ------
     ConfigError
-        A run has not been evaluated yet.
+        A run has not been evaluated yet, or its log lacks the quantity.
     """
     series = [_series(folder, quantity) for folder in folders]
     end = min(x[-1] for x, _ in series)
@@ -69,6 +73,10 @@ def _series(folder: Path, quantity: str) -> tuple[Float64, Float64]:
     records = [r for r in runs.read_records(folder / runs.LOG) if r["event"] == "evaluation"]
     if not records:
         raise ConfigError("has not been evaluated yet", file=folder / runs.LOG)
+    if quantity not in records[0]:
+        raise ConfigError(
+            "not logged: a run of an older version", file=folder / runs.LOG, key=quantity
+        )
     return (
         np.array([r["transitions"] for r in records], float),
         np.array([r[quantity] for r in records], float),

@@ -54,6 +54,11 @@ class Seen(NamedTuple):
     """(B, K, 1): 1 where there is an object."""
 
 
+def heed(seen: Seen, risk: Tensor) -> Seen:
+    """Give what is seen with a risk level, (B, 1) or (1, 1) in (0, 1], as one more ego feature."""
+    return seen._replace(ego=torch.cat([seen.ego, risk.expand(seen.ego.shape[0], 1)], dim=1))
+
+
 class See(nn.Module):
     """Turns observations into features; nothing here is learnt, so it is done once a batch."""
 
@@ -87,10 +92,10 @@ class PaperEncoder(nn.Module):
 
     EGO, OBJECT = 56, 40
 
-    def __init__(self) -> None:
+    def __init__(self, extra: int = 0) -> None:
         super().__init__()
         self.width = self.EGO + OBSERVED_OBJECTS * self.OBJECT
-        self.ego = nn.Linear(EGO_COLUMNS, self.EGO)
+        self.ego = nn.Linear(EGO_COLUMNS + extra, self.EGO)
         self.object = nn.Linear(OBJECT_COLUMNS, self.OBJECT)
 
     def forward(self, seen: Seen) -> Tensor:
@@ -102,13 +107,13 @@ class PaperEncoder(nn.Module):
 class SetEncoder(nn.Module):
     """One network over every object, pooled by maximum and sum, beside the ego state's features."""
 
-    def __init__(self, settings: EncoderSettings) -> None:
+    def __init__(self, settings: EncoderSettings, extra: int = 0) -> None:
         super().__init__()
         wide = settings.object_width
         self.width = settings.ego_width + 2 * wide
-        self.ego = nn.Linear(EGO_FEATURES, settings.ego_width)
+        self.ego = nn.Linear(EGO_FEATURES + extra, settings.ego_width)
         self.object_seen = nn.Linear(OBJECT_FEATURES, wide)
-        self.object_ego = nn.Linear(EGO_FEATURES, wide, bias=False)
+        self.object_ego = nn.Linear(EGO_FEATURES + extra, wide, bias=False)
         self.object_hidden = nn.Linear(wide, wide)
 
     def forward(self, seen: Seen) -> Tensor:
@@ -120,6 +125,6 @@ class SetEncoder(nn.Module):
         return torch.cat([torch.relu(self.ego(seen.ego)), each.amax(1), each.sum(1)], dim=1)
 
 
-def make_encoder(settings: EncoderSettings) -> PaperEncoder | SetEncoder:
-    """Build the encoder that the settings name."""
-    return PaperEncoder() if settings.kind == "paper" else SetEncoder(settings)
+def make_encoder(settings: EncoderSettings, extra: int = 0) -> PaperEncoder | SetEncoder:
+    """Build the encoder that the settings name, with `extra` more ego features (`heed`)."""
+    return PaperEncoder(extra) if settings.kind == "paper" else SetEncoder(settings, extra)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -47,6 +47,8 @@ class Evaluation:
     timeouts: int
     """[-] Other episodes in which a vessel took over 90 s."""
     seed: int
+    cumulative_reward: float
+    """[-] Mean over the vessels of the sum of their rewards, undiscounted."""
 
     def record(self) -> dict[str, Any]:
         """Give it as plain values, for JSON."""
@@ -99,36 +101,45 @@ def evaluate(
         outcomes.append(sail(env, policy))
         if progress is not None:
             progress(count)
-    collided, late, times = (np.concatenate(parts) for parts in zip(*outcomes, strict=True))
-    return score(collided, late, times, seed)
+    return score(Outcomes(*map(np.concatenate, zip(*outcomes, strict=True))), seed)
 
 
-def sail(env: VectorEnv, policy: BatchPolicy) -> tuple[Mask, Mask, Float64]:
-    """Sail one episode in every slot to its end.
+class Outcomes(NamedTuple):
+    """How E episodes ended, with n vessels in all."""
 
-    Returns
-    -------
-    collided, late : (E,) bool
-        Whether anything was touched; whether a vessel was still under way after the time limit.
-    times : (n,) float64
-        [s] Travel times of the vessels that reached their goals.
-    """
+    collided: Mask
+    """(E,) Whether anything was touched."""
+    late: Mask
+    """(E,) Whether a vessel was still under way after the time limit."""
+    times: Float64
+    """(m,) [s] Travel times of the vessels that reached their goals."""
+    rewards: Float64
+    """(n,) [-] The sum of each vessel's rewards."""
+
+
+def sail(env: VectorEnv, policy: BatchPolicy) -> Outcomes:
+    """Sail one episode in every slot to its end."""
     seen, active = env.reset(), env.active
+    sailed = active
+    rewards = np.zeros(active.shape)
     policy.begin(*active.shape)
     collided = np.zeros(env.episodes, bool)
     times = [np.zeros(0)]
     for _ in range(int(TIME_LIMIT_S / env.settings.period_s + 1e-9)):
         result = env.step(policy.rates(seen, active) / RATE_LIMIT)
         collided |= result.collided.any(axis=1)
+        rewards += result.reward
         times.append(np.repeat(result.elapsed_s, result.reached.sum(axis=1)))
         seen, active = result.observation, env.active
         if not active.any():
             break
-    return collided, np.asarray(active.any(axis=1)), np.concatenate(times)
+    late = np.asarray(active.any(axis=1))
+    return Outcomes(collided, late, np.concatenate(times), rewards[sailed])
 
 
-def score(collided: Mask, late: Mask, times: Float64, seed: int) -> Evaluation:
+def score(outcomes: Outcomes, seed: int) -> Evaluation:
     """Count what `sail` saw."""
+    collided, late, times, rewards = outcomes
     episodes = len(collided)
     successes = int((~(collided | late)).sum())
     return Evaluation(
@@ -139,6 +150,7 @@ def score(collided: Mask, late: Mask, times: Float64, seed: int) -> Evaluation:
         collisions=int(collided.sum()),
         timeouts=int((late & ~collided).sum()),
         seed=seed,
+        cumulative_reward=float(rewards.mean()),
     )
 
 

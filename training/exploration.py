@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twinscrew.runtime.messages.types import Float32
 from twinscrew.runtime.settings import Count, Fraction, NonNegative, Settings
@@ -51,3 +52,27 @@ class CorrelatedNoise:
         # Stationary: the variance stays one whatever the correlation.
         self._state = self._rho * self._state + np.sqrt(1.0 - self._rho**2) * fresh
         return (self._size * self._state).astype(np.float32)
+
+
+class HeldLevels:
+    """The risk levels, alpha = 1/L, ..., 1, that vessels gather at: each keeps its own to its end.
+
+    With L = 0 there are none, and nothing is drawn.
+    """
+
+    def __init__(self, count: int, slots: int, generator: np.random.Generator) -> None:
+        self._count = count
+        self._generator = generator
+        self.levels: Float32 | None = None
+        """(slots, 1) in (0, 1]"""
+        if count:
+            self.levels = self._draw(slots)
+
+    def renew(self, ended: NDArray[np.bool_]) -> None:
+        """Draw new levels for the slots, (slots,), whose vessels have come to their end."""
+        if self.levels is not None:
+            self.levels = np.where(ended[:, None], self._draw(len(ended)), self.levels)
+
+    def _draw(self, slots: int) -> Float32:
+        level = self._generator.integers(1, self._count + 1, (slots, 1))
+        return (level / self._count).astype(np.float32)

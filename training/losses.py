@@ -24,6 +24,16 @@ def uniform_fractions(batch: int, count: int, generator: torch.Generator) -> Ten
     return torch.rand(batch, count, generator=generator)
 
 
+def worst_share(risk: Tensor, count: int) -> Tensor:
+    """Give weights, (B, count), that turn stratified quantiles into their CVaR at (B, 1) levels.
+
+    The first k of n stratified fractions cover [0, k / n]: with alpha = k / n the mean of their
+    quantiles is that of the worst share alpha of the returns, without bias.
+    """
+    inside = torch.arange(count, device=risk.device) + 0.5 < risk * count
+    return inside / (risk * count)
+
+
 def td_target(reward: Tensor, discount: Tensor, next_value: Tensor) -> Tensor:
     """Give r + gamma Z(s'), (B, M), of rewards (B,), discounts (B,) and next values (B, M).
 

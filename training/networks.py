@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from twinscrew.training.encoders import EncoderSettings, See, Seen, Width, make_encoder
+from twinscrew.training.encoders import EncoderSettings, See, Seen, Width, heed, make_encoder
 from twinscrew.training.observations import Observations
 
 ACTIONS = 2
@@ -37,9 +37,9 @@ def squash(value: Tensor) -> Tensor:
 class Actor(nn.Module):
     """A deterministic policy: what is seen to actions in (-1, 1)."""
 
-    def __init__(self, settings: NetworkSettings) -> None:
+    def __init__(self, settings: NetworkSettings, extra: int = 0) -> None:
         super().__init__()
-        self.encoder = make_encoder(settings)
+        self.encoder = make_encoder(settings, extra)
         hidden = settings.hidden_width
         self.hidden1 = nn.Linear(self.encoder.width, hidden)
         self.hidden2 = nn.Linear(hidden, hidden)
@@ -71,9 +71,9 @@ class CosineEmbedding(nn.Module):
 class PaperQuantileCritic(nn.Module):
     """The paper's critic: state (.) quantile -> 128 (.) action -> 128 -> 1 (fig. 5)."""
 
-    def __init__(self, settings: NetworkSettings) -> None:
+    def __init__(self, settings: NetworkSettings, extra: int = 0) -> None:
         super().__init__()
-        self.encoder = make_encoder(settings)
+        self.encoder = make_encoder(settings, extra)
         hidden = settings.hidden_width
         self.embedding = CosineEmbedding(settings.cosines, self.encoder.width)
         self.hidden1 = nn.Linear(self.encoder.width, hidden)
@@ -97,9 +97,9 @@ class QuantileCritic(nn.Module):
     wide layer remains that is computed for every pair of them.
     """
 
-    def __init__(self, settings: NetworkSettings) -> None:
+    def __init__(self, settings: NetworkSettings, extra: int = 0) -> None:
         super().__init__()
-        self.encoder = make_encoder(settings)
+        self.encoder = make_encoder(settings, extra)
         wide, hidden = settings.feature_width, settings.hidden_width
         self.state = nn.Linear(self.encoder.width, wide)
         self.action = nn.Linear(ACTIONS, wide, bias=False)
@@ -124,30 +124,48 @@ class QuantileCritic(nn.Module):
         return value.squeeze(-1)
 
 
-def make_quantile_critic(settings: NetworkSettings) -> PaperQuantileCritic | QuantileCritic:
-    """Build the critic that the settings name."""
-    return (PaperQuantileCritic if settings.critic == "paper" else QuantileCritic)(settings)
+def make_quantile_critic(
+    settings: NetworkSettings, extra: int = 0
+) -> PaperQuantileCritic | QuantileCritic:
+    """Build the critic that the settings name, with `extra` more ego features."""
+    kind = PaperQuantileCritic if settings.critic == "paper" else QuantileCritic
+    return kind(settings, extra)
 
 
 class Pilot(nn.Module):
     """A deterministic policy from raw observations: what is evaluated, deployed and exported."""
 
     factors: Tensor
+    risk: Tensor | None
 
-    def __init__(self, see: See, actor: nn.Module, radius_margin: float = 1.0) -> None:
+    def __init__(
+        self, see: See, actor: nn.Module, radius_margin: float = 1.0, risk: float | None = None
+    ) -> None:
         """Put a network behind its features.
 
-        `radius_margin` multiplies every observed radius: perception sees a part of a hull, about
-        0.8 of its radius on average.
+        Parameters
+        ----------
+        see, actor
+            Features without parameters, and the network over them.
+        radius_margin
+            [-] Multiplies every observed radius: perception sees a part of a hull, about 0.8 of
+            its radius on average.
+        risk
+            [-] Level that holds where none is asked for, of a network conditioned on it.
         """
         super().__init__()
         self.see = see
         self.actor = actor
         factors = torch.tensor([1.0, 1.0, 1.0, 1.0, radius_margin], device=see.ego_scale.device)
         self.register_buffer("factors", factors, persistent=False)
+        level = None if risk is None else torch.full((1, 1), risk, device=factors.device)
+        self.register_buffer("risk", level, persistent=False)
 
-    def forward(self, observations: Observations) -> Tensor:
-        """Give actions (B, 2) in [-1, 1]."""
+    def forward(self, observations: Observations, risk: Tensor | None = None) -> Tensor:
+        """Give actions (B, 2) in [-1, 1], at risk levels, (B, 1) or (1, 1), if there are any."""
         wary = observations._replace(objects=observations.objects * self.factors)
-        action: Tensor = self.actor(self.see(wary))
+        seen = self.see(wary)
+        if self.risk is not None:
+            seen = heed(seen, self.risk if risk is None else risk)
+        action: Tensor = self.actor(seen)
         return action

@@ -11,7 +11,7 @@ from twinscrew.training.curves import QUANTITIES, learning_curve
 
 
 def draw_learning_curves(groups: Mapping[str, list[Path]], file: Path) -> None:
-    """Draw success and travel time over transitions: mean, and standard error as a band.
+    """Draw reward, success and travel time over transitions: mean, and standard error as a band.
 
     Parameters
     ----------
@@ -20,7 +20,7 @@ def draw_learning_curves(groups: Mapping[str, list[Path]], file: Path) -> None:
     file
         The picture; its suffix says the format.
     """
-    figure, axes = plt.subplots(1, len(QUANTITIES), figsize=(10.0, 3.6), layout="constrained")
+    figure, axes = plt.subplots(1, len(QUANTITIES), figsize=(13.5, 3.8), layout="constrained")
     for axis, (quantity, label) in zip(axes, QUANTITIES.items(), strict=True):
         for name, folders in sorted(groups.items()):
             curve = learning_curve(folders, quantity)

@@ -118,8 +118,8 @@ class PhaseSettings(NamedTuple):
 
 def phase_settings(settings: TrainSettings, phase: Phase) -> PhaseSettings:
     """Give the agent's and the environments' settings in a phase."""
-    if "network" in phase.agent:
-        raise ConfigError("the networks stay the same over all phases", key="agent.network")
+    for key in {"network", "risk_levels"} & phase.agent.keys():
+        raise ConfigError("the networks stay the same over all phases", key=f"agent.{key}")
     calm = merged(settings.environment, phase.environment)
     return PhaseSettings(
         convert(merged(settings.agent, phase.agent), type(settings.agent)),

@@ -63,6 +63,11 @@ class Score(NamedTuple):
         return float(np.mean([TIME_LIMIT_S if time is None else time for time in times]))
 
     @property
+    def cumulative_reward(self) -> float:
+        """[-] Mean over the settings of a vessel's summed rewards, as published."""
+        return float(np.mean([one.cumulative_reward for one in self.settings]))
+
+    @property
     def value(self) -> float:
         """What selection maximises: success in both conditions, and a little, speed."""
         kinds = [_success(kind) for kind in (self.settings, self.rough) if kind]
@@ -73,6 +78,7 @@ class Score(NamedTuple):
         record: dict[str, Any] = {
             "success": round(self.success, 5),
             "travel_time_s": round(self.travel_time_s, 3),
+            "cumulative_reward": round(self.cumulative_reward, 4),
             "rates": [round(one.success_rate, 5) for one in self.settings],
             "times_s": [one.travel_time_s for one in self.settings],
         }

@@ -28,7 +28,7 @@ def make_core(config: RuntimeConfig) -> Core:
     pipeline = Pipeline(
         perception=Perception(sensor_of(config), config.perception),
         tracker=Tracker(config.tracking),
-        policy=load_policy(config.policy, expected_of_policies(config)),
+        policy=load_policy(config.policy, expected_of_policies(config), config.risk),
         mission=Mission(config.mission),
         guard=Guard(config.thrust),
         observation=config.observation,

@@ -139,7 +139,7 @@ def check_policy(config: RuntimeConfig) -> Finding:
     from twinscrew.runtime.messages.types import OBSERVED_OBJECTS, Observation
     from twinscrew.runtime.policy.load import load_policy
 
-    policy = load_policy(config.policy, expected_of_policies(config))
+    policy = load_policy(config.policy, expected_of_policies(config), config.risk)
     blank = Observation(
         ego=np.array([20, 0, 0, 0, 0, 0, 0], dtype=np.float32),
         objects=np.zeros((OBSERVED_OBJECTS, 5), dtype=np.float32),

@@ -20,6 +20,7 @@ from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
 from twinscrew.runtime.perception.stage import PerceptionSettings
 from twinscrew.runtime.policy.observation import ObservationSettings
+from twinscrew.runtime.policy.risk import RiskSettings
 from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.settings import Positive, Settings, load
@@ -45,6 +46,7 @@ class RuntimeConfig(Settings, frozen=True):
     roll_rad, pitch_rad, yaw_rad; none takes the sensor's own description's."""
     policy: str = "ac_iqn"
     """A name in config/policies, an ONNX file, "apf" or "mpc"."""
+    risk: RiskSettings = RiskSettings()
     odometry_source: Literal["bus", "autopilot"] = "bus"
     """Where odometry comes from: the `odometry` topic, or LOCAL_POSITION_NED and ATTITUDE."""
     command_rate_hz: Positive = 20.0

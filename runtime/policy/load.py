@@ -7,10 +7,15 @@ from pathlib import Path
 from twinscrew.runtime.errors import ConfigError, PolicyError
 from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.policy.metadata import PolicyExpectation
+from twinscrew.runtime.policy.risk import RiskSettings
 from twinscrew.runtime.settings import load, shipped
 
 
-def load_policy(spec: str | Path, expect: PolicyExpectation | None = None) -> Policy:
+def load_policy(
+    spec: str | Path,
+    expect: PolicyExpectation | None = None,
+    risk: RiskSettings = RiskSettings(),  # noqa: B008 - frozen
+) -> Policy:
     """Give a policy.
 
     Parameters
@@ -19,12 +24,16 @@ def load_policy(spec: str | Path, expect: PolicyExpectation | None = None) -> Po
         ``apf``, ``mpc``, the name of a shipped policy, or an ONNX file.
     expect
         What the vessel needs a policy file to have been made for.
+    risk
+        How cautious a policy that takes a risk level is to be.
 
     Raises
     ------
     PolicyError
-        There is no such policy, or the file is not one.
+        There is no such policy, the file is not one, or it takes no risk level and one is set.
     """
+    if spec in ("apf", "mpc") and risk.level != "shipped":
+        raise PolicyError(f"{spec} takes no risk level; allowed: 'shipped', got {risk.level!r}")
     # What is not used is not imported: a baseline needs no ONNX Runtime.
     if spec == "apf":
         from twinscrew.runtime.policy.apf import ApfPolicy, ApfSettings
@@ -40,4 +49,4 @@ def load_policy(spec: str | Path, expect: PolicyExpectation | None = None) -> Po
         raise PolicyError(f"{error}; or apf, mpc, or an ONNX file") from error
     from twinscrew.runtime.policy.onnx import OnnxPolicy
 
-    return OnnxPolicy(path, expect)
+    return OnnxPolicy(path, expect, risk)

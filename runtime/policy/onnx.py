@@ -22,15 +22,20 @@ from twinscrew.runtime.policy.metadata import (
 )
 from twinscrew.runtime.policy.observation import require_finite
 from twinscrew.runtime.policy.onnx_walk import refuse_foreign_parts
+from twinscrew.runtime.policy.risk import RiskSettings, adaptive_level
 
 FLOAT32 = "tensor(float)"
+AS_SHIPPED = RiskSettings()
 
 
 class OnnxPolicy:
     """A policy from a file: raw observations in SI units in, thrust rates [N/s] out."""
 
     def __init__(
-        self, path: Path | str, expect: PolicyExpectation | None = None, *, risk: float = 1.0
+        self,
+        path: Path | str,
+        expect: PolicyExpectation | None = None,
+        risk: RiskSettings = AS_SHIPPED,
     ) -> None:
         """Load and check a policy file.
 
@@ -40,17 +45,14 @@ class OnnxPolicy:
             The file.
         expect
             What the vessel needs it to have been made for.
-        risk : float
-            [-] (0, 1] Share of the worst outcomes that are averaged, for a graph that asks for it;
-            1 is the mean.
+        risk
+            How cautious a policy that takes a risk level is to be.
 
         Raises
         ------
         PolicyError
             Names the file, what is wrong with it and what is allowed.
         """
-        if not 0.0 < risk <= 1.0:
-            raise PolicyError(f"risk must be in (0, 1], got {risk}")
         self.path = Path(path)
         try:
             data = _read(self.path)
@@ -59,6 +61,7 @@ class OnnxPolicy:
             _check_graph(self._session)
             self.metadata = read_metadata(self._session.get_modelmeta().custom_metadata_map)
             check_expectation(self.metadata, expect or PolicyExpectation())
+            self._risk = risk
             self._feed = _feed(self._session, risk)
             self._answer(where="at rest, nothing in sight")
         except PolicyError as error:
@@ -89,6 +92,10 @@ class OnnxPolicy:
         self._feed["ego"][0] = observation.ego
         self._feed["objects"][0] = observation.objects
         self._feed["mask"][0] = observation.mask
+        if self._risk.level == "adaptive":
+            self._feed["risk"][0] = adaptive_level(
+                observation.objects, observation.mask, self._risk
+            )
         limit = self.metadata.thrust_rate_max_n_per_s
         return np.clip(self._answer(), -limit, limit)
 
@@ -131,7 +138,7 @@ def _session(data: bytes) -> Any:
 
 def _check_graph(session: Any) -> None:
     """Check names, types and shapes of the graph's inputs and output."""
-    found = {node.name: node for node in session.get_inputs()}
+    found = {node.name: node for node in graph_inputs(session)}
     for name in found:
         if name not in INPUT_SHAPES:
             raise PolicyError(f"input {name!r}; allowed: {', '.join(INPUT_SHAPES)}")
@@ -155,12 +162,31 @@ def _check_tensor(kind: str, node: Any, shape: tuple[int, ...]) -> None:
         raise PolicyError(f"{kind} {node.name!r} has shape {node.shape}; allowed: {['N', *shape]}")
 
 
-def _feed(session: Any, risk: float) -> dict[str, Float32]:
+def graph_inputs(session: Any) -> list[Any]:
+    """Give a graph's inputs; those that have a default and may be left out come last."""
+    return [*session.get_inputs(), *session.get_overridable_initializers()]
+
+
+def risk_feed(session: Any, rows: int, risk: RiskSettings) -> dict[str, Float32]:
+    """Give what is fed of the risk levels, (rows, 1): nothing where the file's own is to hold.
+
+    Raises
+    ------
+    PolicyError
+        A level is set, and the policy was not trained for any.
+    """
+    if not any(node.name == "risk" for node in graph_inputs(session)):
+        if risk.level != "shipped":
+            raise PolicyError(f"takes no risk level; allowed: 'shipped', got {risk.level!r}")
+        return {}
+    if risk.level == "shipped" and all(node.name != "risk" for node in session.get_inputs()):
+        return {}
+    level = risk.level if isinstance(risk.level, float) else 1.0
+    return {"risk": np.full((rows, 1), level, dtype=np.float32)}
+
+
+def _feed(session: Any, risk: RiskSettings) -> dict[str, Float32]:
     """Make the arrays that every decision is written into."""
-    feed = {
-        node.name: np.zeros((1, *INPUT_SHAPES[node.name]), dtype=np.float32)
-        for node in session.get_inputs()
-    }
-    if "risk" in feed:
-        feed["risk"][:] = risk
-    return feed
+    needed = [name for name in INPUT_SHAPES if name not in OPTIONAL_INPUTS]
+    feed = {name: np.zeros((1, *INPUT_SHAPES[name]), dtype=np.float32) for name in needed}
+    return feed | risk_feed(session, 1, risk)

@@ -12,7 +12,8 @@ from torch import Tensor, nn
 
 from twinscrew.runtime.settings import Count, Fraction, Positive, Settings
 from twinscrew.training.buffer import Batch
-from twinscrew.training.networks import NetworkSettings
+from twinscrew.training.encoders import See, Seen, heed
+from twinscrew.training.networks import NetworkSettings, Pilot
 from twinscrew.training.observations import Observations
 
 Rate = Annotated[float, Meta(gt=0.0, le=1.0)]
@@ -52,14 +53,23 @@ class Agent(ABC, Generic[S]):
     def __init__(self, settings: S, seed: int, device: str) -> None:
         self.settings = settings
         self.device = torch.device(device)
+        self.see = See(settings.network).to(self.device)
         self.generator = torch.Generator().manual_seed(seed)
         self.updates = 0
         self._parts: dict[str, nn.Module | torch.optim.Optimizer] = {}
         torch.manual_seed(seed)  # what initialises the networks
 
+    def act(
+        self, observations: Observations, *, explore: bool, risk: Tensor | None = None
+    ) -> Tensor:
+        """Give actions (B, 2) in [-1, 1], at risk levels, (B, 1), if the agent is told of any."""
+        with torch.no_grad():
+            seen = self.see(observations)
+            return self.choose(seen if risk is None else heed(seen, risk), explore=explore)
+
     @abstractmethod
-    def act(self, observations: Observations, *, explore: bool) -> Tensor:
-        """Give actions (B, 2) in [-1, 1]; `explore` adds the agent's own noise, if it has any."""
+    def choose(self, seen: Seen, *, explore: bool) -> Tensor:
+        """Give actions (B, 2); `explore` adds the agent's own noise, if it has any."""
 
     @abstractmethod
     def random(self, count: int) -> Tensor:
@@ -70,7 +80,7 @@ class Agent(ABC, Generic[S]):
         """Learn from a batch; `progress`, in [0, 1], through the phase sets the learning rates."""
 
     @abstractmethod
-    def deployed(self, radius_margin: float) -> nn.Module:
+    def deployed(self, radius_margin: float) -> Pilot:
         """Give the policy that is evaluated and exported: observations to actions (B, 2)."""
 
     def retune(self, settings: S) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from twinscrew.runtime.settings import Positive
 from twinscrew.training.agents.base import (
@@ -19,11 +19,10 @@ from twinscrew.training.agents.base import (
     wide,
 )
 from twinscrew.training.buffer import Batch
-from twinscrew.training.encoders import See, Seen
+from twinscrew.training.encoders import Seen
 from twinscrew.training.losses import huber, td_target
 from twinscrew.training.networks import ACTIONS, Actor, Pilot
 from twinscrew.training.networks_value import ActionCritic
-from twinscrew.training.observations import Observations
 
 
 class DdpgSettings(AgentSettings, frozen=True, tag_field="algorithm", tag="ddpg"):
@@ -38,7 +37,6 @@ class Ddpg(Agent[DdpgSettings]):
 
     def __init__(self, settings: DdpgSettings, seed: int, device: str = "cpu") -> None:
         super().__init__(settings, seed, device)
-        self.see = See(settings.network).to(self.device)
         self.actor = Actor(settings.network).to(self.device)
         self.critic = ActionCritic(settings.network).to(self.device)
         self.target_actor = copy.deepcopy(self.actor)
@@ -56,11 +54,11 @@ class Ddpg(Agent[DdpgSettings]):
             critic_optimizer=self.critic_optimizer,
         )
 
-    def act(self, observations: Observations, *, explore: bool) -> Tensor:
+    def choose(self, seen: Seen, *, explore: bool) -> Tensor:
         """Give the actor's actions, (B, 2); exploration is added outside."""
-        with torch.no_grad(), wide(self.settings.bfloat16, self.device.type):
-            actor = self.actor if explore else self.average_actor
-            action: Tensor = actor(self.see(observations))
+        actor = self.actor if explore else self.average_actor
+        with wide(self.settings.bfloat16, self.device.type):
+            action: Tensor = actor(seen)
         return action.float()
 
     def random(self, count: int) -> Tensor:
@@ -96,6 +94,6 @@ class Ddpg(Agent[DdpgSettings]):
             value = self.critic(seen, batch.action)
         return huber(goal - value.float(), 1.0).mean()
 
-    def deployed(self, radius_margin: float) -> nn.Module:
+    def deployed(self, radius_margin: float) -> Pilot:
         """Give the averaged actor."""
         return Pilot(self.see, self.average_actor, radius_margin)

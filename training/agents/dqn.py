@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from twinscrew.training.agents.base import (
     Agent,
@@ -25,11 +25,10 @@ from twinscrew.training.agents.discrete import (
     taken,
 )
 from twinscrew.training.buffer import Batch
-from twinscrew.training.encoders import See
+from twinscrew.training.encoders import Seen
 from twinscrew.training.losses import huber, td_target
 from twinscrew.training.networks import Pilot
 from twinscrew.training.networks_value import QNetwork
-from twinscrew.training.observations import Observations
 
 
 class DqnSettings(AgentSettings, frozen=True, tag_field="algorithm", tag="dqn"):
@@ -46,7 +45,6 @@ class Dqn(Agent[DqnSettings]):
 
     def __init__(self, settings: DqnSettings, seed: int, device: str = "cpu") -> None:
         super().__init__(settings, seed, device)
-        self.see = See(settings.network).to(self.device)
         self.values = QNetwork(settings.network, PAIRS).to(self.device)
         self.target = copy.deepcopy(self.values)
         self.average = copy.deepcopy(self.values)
@@ -55,11 +53,9 @@ class Dqn(Agent[DqnSettings]):
             values=self.values, target=self.target, average=self.average, optimizer=self.optimizer
         )
 
-    def act(self, observations: Observations, *, explore: bool) -> Tensor:
+    def choose(self, seen: Seen, *, explore: bool) -> Tensor:
         """Give greedy pairs, (B, 2); exploration is added outside."""
-        greedy = Greedy(self.values if explore else self.average)
-        with torch.no_grad():
-            action: Tensor = greedy(self.see(observations))
+        action: Tensor = Greedy(self.values if explore else self.average)(seen)
         return action
 
     def random(self, count: int) -> Tensor:
@@ -90,6 +86,6 @@ class Dqn(Agent[DqnSettings]):
             values = self.values(seen)
         return huber(goal - taken(values, action_number(batch.action)).float(), 1.0).mean()
 
-    def deployed(self, radius_margin: float) -> nn.Module:
+    def deployed(self, radius_margin: float) -> Pilot:
         """Give the greedy policy of the averaged network."""
         return Pilot(self.see, Greedy(self.average), radius_margin)

@@ -24,7 +24,7 @@ from twinscrew.training.agents.base import (
 )
 from twinscrew.training.agents.discrete import PAIRS, Greedy, action_number, random_pairs, taken
 from twinscrew.training.buffer import Batch
-from twinscrew.training.encoders import See, Seen
+from twinscrew.training.encoders import Seen
 from twinscrew.training.losses import (
     quantile_huber,
     stratified_fractions,
@@ -33,7 +33,6 @@ from twinscrew.training.losses import (
 )
 from twinscrew.training.networks import Pilot
 from twinscrew.training.networks_value import QuantileQNetwork
-from twinscrew.training.observations import Observations
 
 
 class IqnSettings(AgentSettings, frozen=True, tag_field="algorithm", tag="iqn"):
@@ -74,7 +73,6 @@ class Iqn(Agent[IqnSettings]):
 
     def __init__(self, settings: IqnSettings, seed: int, device: str = "cpu") -> None:
         super().__init__(settings, seed, device)
-        self.see = See(settings.network).to(self.device)
         self.quantiles = QuantileQNetwork(settings.network, PAIRS).to(self.device)
         self.target = copy.deepcopy(self.quantiles)
         self.average = copy.deepcopy(self.quantiles)
@@ -86,11 +84,11 @@ class Iqn(Agent[IqnSettings]):
             optimizer=self.optimizer,
         )
 
-    def act(self, observations: Observations, *, explore: bool) -> Tensor:
+    def choose(self, seen: Seen, *, explore: bool) -> Tensor:
         """Give greedy pairs, (B, 2); exploration is added outside."""
         network = self.quantiles if explore else self.average
-        with torch.no_grad(), wide(self.settings.bfloat16, self.device.type):
-            action: Tensor = self._greedy(network)(self.see(observations))
+        with wide(self.settings.bfloat16, self.device.type):
+            action: Tensor = self._greedy(network)(seen)
         return action
 
     def random(self, count: int) -> Tensor:
@@ -123,7 +121,7 @@ class Iqn(Agent[IqnSettings]):
         chosen = taken(quantiles, action_number(batch.action)).float()
         return quantile_huber(chosen, target, fractions, s.kappa).mean()
 
-    def deployed(self, radius_margin: float) -> nn.Module:
+    def deployed(self, radius_margin: float) -> Pilot:
         """Give the greedy policy of the averaged network, at fixed fractions."""
         return Pilot(self.see, self._greedy(self.average), radius_margin)
 

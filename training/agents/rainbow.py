@@ -24,11 +24,10 @@ from twinscrew.training.agents.base import (
 )
 from twinscrew.training.agents.discrete import PAIRS, Greedy, action_number, random_pairs
 from twinscrew.training.buffer import Batch
-from twinscrew.training.encoders import See, Seen
+from twinscrew.training.encoders import Seen
 from twinscrew.training.losses import cross_entropy, project_distribution
 from twinscrew.training.networks import Pilot
 from twinscrew.training.networks_value import DuelingDistribution
-from twinscrew.training.observations import Observations
 
 
 class RainbowSettings(AgentSettings, frozen=True, tag_field="algorithm", tag="rainbow"):
@@ -68,7 +67,6 @@ class Rainbow(Agent[RainbowSettings]):
     def __init__(self, settings: RainbowSettings, seed: int, device: str = "cpu") -> None:
         super().__init__(settings, seed, device)
         s = settings
-        self.see = See(s.network).to(self.device)
         self.support = torch.linspace(s.support_min, s.support_max, s.atoms, device=self.device)
         self.online = DuelingDistribution(s.network, PAIRS, s.atoms, s.sigma0).to(self.device)
         self.target = copy.deepcopy(self.online)
@@ -78,12 +76,11 @@ class Rainbow(Agent[RainbowSettings]):
             online=self.online, target=self.target, average=self.average, optimizer=self.optimizer
         )
 
-    def act(self, observations: Observations, *, explore: bool) -> Tensor:
+    def choose(self, seen: Seen, *, explore: bool) -> Tensor:
         """Give greedy pairs, (B, 2), under fresh noise of the layers when exploring."""
         network = self.online if explore else self.average
         self._noise(network, draw=explore)
-        with torch.no_grad():
-            action: Tensor = self._greedy(network)(self.see(observations))
+        action: Tensor = self._greedy(network)(seen)
         return action
 
     def random(self, count: int) -> Tensor:
@@ -117,7 +114,7 @@ class Rainbow(Agent[RainbowSettings]):
         chosen = self.online(seen)[rows, action_number(batch.action)]
         return cross_entropy(chosen, goal)
 
-    def deployed(self, radius_margin: float) -> nn.Module:
+    def deployed(self, radius_margin: float) -> Pilot:
         """Give the greedy policy of the averaged network, without its noise."""
         self._noise(self.average, draw=False)
         return Pilot(self.see, self._greedy(self.average), radius_margin)

@@ -32,6 +32,11 @@ def make_agent(settings: AnyAgentSettings, seed: int, device: str) -> Agent[Any]
     return _LEARNERS[type(settings)](settings, seed, device)
 
 
+def risk_levels(settings: AnyAgentSettings) -> int:
+    """Give how many risk levels the learner is told of; 0: it has no such input."""
+    return settings.risk_levels if isinstance(settings, AcIqnSettings) else 0
+
+
 def algorithm(settings: AnyAgentSettings) -> str:
     """Give the learner's name, as "ac_iqn"."""
     return str(type(settings).__struct_config__.tag)

@@ -20,11 +20,10 @@ from twinscrew.training.agents.base import (
     wide,
 )
 from twinscrew.training.buffer import Batch
-from twinscrew.training.encoders import See, Seen
+from twinscrew.training.encoders import Seen
 from twinscrew.training.losses import huber, td_target
 from twinscrew.training.networks import ACTIONS, Pilot, squash
 from twinscrew.training.networks_value import ActionCritic, GaussianActor
-from twinscrew.training.observations import Observations
 
 
 class SacSettings(AgentSettings, frozen=True, tag_field="algorithm", tag="sac"):
@@ -80,7 +79,6 @@ class Sac(Agent[SacSettings]):
     def __init__(self, settings: SacSettings, seed: int, device: str = "cpu") -> None:
         super().__init__(settings, seed, device)
         limits = (settings.log_sigma_min, settings.log_sigma_max)
-        self.see = See(settings.network).to(self.device)
         self.actor = GaussianActor(settings.network, limits).to(self.device)
         self.critics = nn.ModuleList([ActionCritic(settings.network) for _ in range(2)])
         self.critics.to(self.device)
@@ -101,13 +99,9 @@ class Sac(Agent[SacSettings]):
             temperature_optimizer=self.temperature_optimizer,
         )
 
-    def act(self, observations: Observations, *, explore: bool) -> Tensor:
+    def choose(self, seen: Seen, *, explore: bool) -> Tensor:
         """Give sampled actions, (B, 2), when exploring, else squashed means."""
-        with torch.no_grad():
-            seen = self.see(observations)
-            if not explore:
-                return squash(self.average_actor(seen)[0])
-            return self.sample(seen)[0]
+        return self.sample(seen)[0] if explore else squash(self.average_actor(seen)[0])
 
     def random(self, count: int) -> Tensor:
         """Give uniform actions, (count, 2) in [-1, 1]."""
@@ -170,6 +164,6 @@ class Sac(Agent[SacSettings]):
             one, other = (critic(seen, action) for critic in critics)
         return torch.minimum(one, other).float()
 
-    def deployed(self, radius_margin: float) -> nn.Module:
+    def deployed(self, radius_margin: float) -> Pilot:
         """Give the squashed mean of the averaged actor."""
         return Pilot(self.see, SquashedMean(self.average_actor), radius_margin)

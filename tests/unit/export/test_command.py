@@ -1,6 +1,7 @@
 import json
 
 import msgspec
+import numpy as np
 import pytest
 import torch
 
@@ -10,28 +11,35 @@ from twinscrew.export.onnx_file import DeployedPolicy
 from twinscrew.runtime.errors import ConfigError, PolicyError
 from twinscrew.runtime.messages.types import Observation
 from twinscrew.runtime.policy.onnx import OnnxPolicy
+from twinscrew.runtime.policy.risk import RiskSettings
 from twinscrew.training import runs
 from twinscrew.training.agents.ac_iqn import AcIqnSettings
 from twinscrew.training.agents.registry import make_agent
 from twinscrew.training.networks import NetworkSettings
 from twinscrew.training.train_settings import Phase, TrainSettings
 
-AGENT = AcIqnSettings(network=NetworkSettings(ego_width=16, object_width=16, hidden_width=16))
+SMALL = NetworkSettings(ego_width=16, object_width=16, hidden_width=16)
+AGENT = AcIqnSettings(network=SMALL)
+TOLD = AcIqnSettings(network=SMALL, risk_levels=8)
+
+
+def make_run(folder, told_agent, **phase):
+    """Make a run directory as training leaves it, of an agent that has learnt nothing."""
+    folder.mkdir()
+    settings = TrainSettings(agent=told_agent, phases=[Phase(name="none", steps=1, **phase)])
+    told = {"seed": 7, "settings": msgspec.to_builtins(settings)}
+    (folder / runs.CONFIG).write_text(json.dumps(told))
+    runs.append_record(folder / runs.LOG, {"event": "start", "machine": "a test"})
+    agent = make_agent(told_agent, 7, "cpu")
+    score = json.dumps({"success": 0.0})
+    content = {"agent": agent.state(), "phase": 0, "where": {"step": 1}, "score": score}
+    runs.save_checkpoint(folder / runs.BEST, "ac_iqn", content)
+    return folder
 
 
 @pytest.fixture(scope="module")
 def run_dir(tmp_path_factory):
-    """A run directory as training leaves it, of an agent that has learnt nothing."""
-    folder = tmp_path_factory.mktemp("runs") / "seed_7"
-    folder.mkdir()
-    settings = TrainSettings(agent=AGENT, phases=[Phase(name="none", steps=1)])
-    told = {"seed": 7, "settings": msgspec.to_builtins(settings)}
-    (folder / runs.CONFIG).write_text(json.dumps(told))
-    runs.append_record(folder / runs.LOG, {"event": "start", "machine": "a test"})
-    agent = make_agent(AGENT, 7, "cpu")
-    content = {"agent": agent.state(), "where": {"step": 1}, "score": json.dumps({"success": 0.0})}
-    runs.save_checkpoint(folder / runs.BEST, "ac_iqn", content)
-    return folder
+    return make_run(tmp_path_factory.mktemp("runs") / "seed_7", AGENT)
 
 
 @pytest.fixture(scope="module")
@@ -91,3 +99,25 @@ def test_a_folder_without_a_run_is_refused(tmp_path):
 def test_a_run_without_that_checkpoint_is_refused(run_dir, tmp_path):
     with pytest.raises(ConfigError, match=r"checkpoint\.pt.*No such file"):
         export(run_dir, tmp_path / "p.onnx", None, 1, 0, last=True, json_=False)
+
+
+@pytest.mark.parametrize(("asked", "level"), [(None, 0.25), (0.75, 0.75)])
+def test_a_conditioned_policy_holds_its_phases_level_or_the_one_asked_for(tmp_path, asked, level):
+    run_dir = make_run(tmp_path / "seed_0", TOLD, agent={"risk": 0.25})
+    out = tmp_path / "made.onnx"
+    export(run_dir, out, margin=1.0, risk=asked, episodes=1, seed=3, last=False, json_=False)
+    inputs = json.loads(OnnxPolicy(out).metadata.inputs)
+    assert inputs["risk"]["default"] == level
+    one = Observation(
+        ego=np.array([20.0, 3.0, 1.0, 0.0, 0.0, 100.0, 200.0], np.float32),
+        objects=np.zeros((5, 5), np.float32),
+        mask=np.zeros(5, np.float32),
+    )
+    told = OnnxPolicy(out, risk=RiskSettings(level=level)).act(one)
+    assert OnnxPolicy(out).act(one).tolist() == told.tolist()
+    assert OnnxPolicy(out, risk=RiskSettings(level=0.125)).act(one).tolist() != told.tolist()
+
+
+def test_a_level_is_refused_for_a_policy_that_takes_none(run_dir, tmp_path):
+    with pytest.raises(ConfigError, match="not trained for risk levels"):
+        export(run_dir, tmp_path / "a.onnx", margin=1.0, risk=0.5, episodes=1)

@@ -31,9 +31,18 @@ def exported(request):
     return made, onnx_bytes(made, {"algorithm": "ac_iqn", "answer": "42"})
 
 
-def answers(data, inputs):
-    session = onnxruntime.InferenceSession(data, providers=["CPUExecutionProvider"])
+def quiet():
+    """Session options without the note that an input has a default."""
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level = 4
+    return options
+
+
+def answers(data, inputs, risk=None):
+    session = onnxruntime.InferenceSession(data, quiet(), providers=["CPUExecutionProvider"])
     feed = {name: part.numpy() for name, part in zip(INPUTS, inputs, strict=True)}
+    if risk is not None:
+        feed["risk"] = risk.numpy()
     return torch.from_numpy(session.run(["thrust_rate"], feed)[0])
 
 
@@ -108,3 +117,31 @@ def test_writing_leaves_only_the_file(tmp_path):
     write_atomically(b"new", tmp_path / "policy.onnx")
     assert [p.name for p in tmp_path.iterdir()] == ["policy.onnx"]
     assert (tmp_path / "policy.onnx").read_bytes() == b"new"
+
+
+@pytest.fixture(scope="module", params=[SMALL, PAPER], ids=["set", "paper"])
+def conditioned(request):
+    torch.manual_seed(1)
+    actor = Actor(request.param, extra=1)
+    made = DeployedPolicy(Pilot(See(request.param), actor, 1.25, risk=0.5), 1000.0)
+    return made, onnx_bytes(made, {"algorithm": "ac_iqn"})
+
+
+def test_a_risk_level_may_be_left_out_and_is_not_asked_for(conditioned):
+    made, data = conditioned
+    inputs = example_inputs(5, seed=5)
+    session = onnxruntime.InferenceSession(data, quiet(), providers=["CPUExecutionProvider"])
+    assert [node.name for node in session.get_inputs()] == list(INPUTS)
+    with torch.no_grad():
+        half = made(*inputs, torch.full((5, 1), 0.5))
+    assert torch.allclose(answers(data, inputs), half, atol=0.02)
+
+
+@pytest.mark.parametrize("count", [1, 2, 33])
+def test_every_row_may_have_a_risk_level_of_its_own(conditioned, count):
+    made, data = conditioned
+    inputs, risk = example_inputs(count, seed=6), torch.linspace(0.1, 1.0, count)[:, None]
+    with torch.no_grad():
+        expected = made(*inputs, risk)
+    assert torch.allclose(answers(data, inputs, risk), expected, atol=0.02)
+    assert not torch.equal(answers(data, inputs), answers(data, inputs, risk))

@@ -15,6 +15,7 @@ from twinscrew.runtime.messages.types import Observation
 from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.policy.metadata import PolicyExpectation
 from twinscrew.runtime.policy.onnx import OnnxPolicy
+from twinscrew.runtime.policy.risk import RiskSettings
 
 _spec = importlib.util.spec_from_file_location("graphs", Path(__file__).with_name("graphs.py"))
 graphs = importlib.util.module_from_spec(_spec)
@@ -122,13 +123,46 @@ def test_a_graph_that_asks_for_a_risk_level_is_given_it(tmp_path):
     inputs = [graphs.float_input(name) for name in ("ego", "objects", "mask", "risk")]
     nodes = [helper.make_node("Concat", ["risk", "risk"], ["thrust_rate"], axis=1)]
     path = graphs.save(tmp_path, nodes=nodes, inputs=inputs)
-    assert OnnxPolicy(path, risk=0.25).act(observation()).tolist() == [0.25, 0.25]
+    quarter = OnnxPolicy(path, risk=RiskSettings(level=0.25))
+    assert quarter.act(observation()).tolist() == [0.25, 0.25]
+    assert OnnxPolicy(path).act(observation()).tolist() == [1.0, 1.0]
 
 
-@pytest.mark.parametrize("risk", [0.0, -1.0, 1.5, float("nan")])
-def test_a_risk_level_out_of_range_is_refused(tmp_path, risk):
-    with pytest.raises(PolicyError, match="risk must be in"):
-        OnnxPolicy(graphs.save(tmp_path), risk=risk)
+def echo_of_risk(folder, default=0.5):
+    """A graph that answers with its risk level, which it has a default for."""
+    inputs = [graphs.float_input(name) for name in ("ego", "objects", "mask", "risk")]
+    initial = helper.make_tensor("risk", TensorProto.FLOAT, [1, 1], [default])
+    nodes = [helper.make_node("Concat", ["risk", "risk"], ["thrust_rate"], axis=1)]
+    return graphs.save(folder, nodes=nodes, inputs=inputs, initializers=[initial])
+
+
+def test_a_graph_with_a_default_level_keeps_it_unless_another_is_set(tmp_path):
+    path = echo_of_risk(tmp_path)
+    assert OnnxPolicy(path).act(observation()).tolist() == [0.5, 0.5]
+    quarter = OnnxPolicy(path, risk=RiskSettings(level=0.25))
+    assert quarter.act(observation()).tolist() == [0.25, 0.25]
+
+
+def test_an_adaptive_level_follows_what_is_near(tmp_path):
+    adaptive = RiskSettings(level="adaptive", floor=0.2, distance_m=10.0, own_radius_m=3.0)
+    policy = OnnxPolicy(echo_of_risk(tmp_path), risk=adaptive)
+    near = observation()
+    near.objects[0], near.mask[0] = (0.0, 9.0, 0.0, 0.0, 1.0), 1.0  # a gap of 5 m
+    assert policy.act(near).tolist() == pytest.approx([0.6, 0.6])
+    assert policy.act(observation()).tolist() == [1.0, 1.0]
+
+
+@pytest.mark.parametrize("level", [0.5, "adaptive"])
+def test_a_level_is_refused_by_a_policy_that_takes_none(tmp_path, level):
+    with pytest.raises(PolicyError, match="takes no risk level"):
+        OnnxPolicy(graphs.save(tmp_path), risk=RiskSettings(level=level))
+
+
+def test_an_initializer_that_could_be_fed_but_is_no_input_of_a_policy_is_refused(tmp_path):
+    nodes, tensors = graphs.goal_times_ten()
+    named = [graphs.float_input(name) for name in ("ego", "objects", "mask")]
+    ten = helper.make_tensor_value_info("ten", TensorProto.FLOAT, [1])
+    refused(tmp_path, ["'ten'", "risk"], nodes=nodes, initializers=tensors, inputs=[*named, ten])
 
 
 @pytest.mark.parametrize("key", graphs.METADATA)

@@ -15,7 +15,9 @@ def run(folder, rates, algorithm="ac_iqn", every=100):
     runs.append_record(folder / runs.LOG, {"event": "start"})
     for k, rate in enumerate(rates):
         record = {"event": "evaluation", "transitions": (k + 1) * every, "success": rate}
-        runs.append_record(folder / runs.LOG, record | {"travel_time_s": 20.0})
+        runs.append_record(
+            folder / runs.LOG, record | {"travel_time_s": 20.0, "cumulative_reward": 3.0}
+        )
     return folder
 
 
@@ -52,6 +54,11 @@ def test_runs_are_found_below_a_folder_by_algorithm(tmp_path):
 def test_a_folder_without_runs_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="no training run here"):
         find_runs([tmp_path])
+
+
+def test_a_log_of_an_older_version_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match=r"regret.*older version"):
+        learning_curve([run(tmp_path / "0", [0.5])], "regret")
 
 
 def test_a_run_without_evaluations_is_refused(tmp_path):

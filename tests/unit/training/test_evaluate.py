@@ -12,7 +12,8 @@ from twinscrew.runtime.app.cli import main
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.training.batch_policy import OneByOne, open_policy
 from twinscrew.training.drive import steer_at_goal
-from twinscrew.training.evaluate import Evaluation, evaluate, score, wilson95
+from twinscrew.training.environment import EnvironmentSettings, VectorEnv
+from twinscrew.training.evaluate import Evaluation, Outcomes, evaluate, sail, score, wilson95
 from twinscrew.training.perception import Observations
 from twinscrew.training.scenarios import ScenarioSettings
 
@@ -68,10 +69,24 @@ def test_the_policys_period_is_the_environments() -> None:
 
 def test_a_collision_counts_before_a_timeout() -> None:
     result = score(
-        np.array([True, True, False, False]), np.array([1, 0, 1, 0], bool), np.ones(2), 9
+        Outcomes(
+            np.array([True, True, False, False]),
+            np.array([1, 0, 1, 0], bool),
+            np.ones(2),
+            np.array([1.0, 4.0]),
+        ),
+        9,
     )
+    assert result.cumulative_reward == 2.5
     assert (result.collisions, result.timeouts, result.success_rate) == (2, 1, 0.25)
     assert result.seed == 9
+
+
+def test_a_vessel_that_stays_where_it_is_pays_for_every_decision() -> None:
+    env = VectorEnv(EnvironmentSettings(scenarios=(THREE,)), 2, 0, auto_reset=False)
+    rewards = sail(env, IDLE).rewards
+    # 180 decisions of 0.5 s at -0.1 each; it drifts nowhere and meets nobody.
+    assert rewards.tolist() == pytest.approx([-18.0] * 6, abs=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -113,6 +128,7 @@ def test_the_command_prints_one_json_object_with_the_fixed_keys(
         "collisions",
         "timeouts",
         "seed",
+        "cumulative_reward",
     ]
     assert record["episodes"] == 1
 
@@ -143,5 +159,5 @@ def test_an_impossible_request_ends_with_status_2_and_says_what_is_allowed(
 
 
 def test_evaluations_are_plain_values() -> None:
-    record = Evaluation(1, 1.0, (0.2, 1.0), 12.5, 0, 0, 3).record()
+    record = Evaluation(1, 1.0, (0.2, 1.0), 12.5, 0, 0, 3, 30.0).record()
     assert json.loads(json.dumps(record))["wilson95"] == [0.2, 1.0]

@@ -1,7 +1,12 @@
 import numpy as np
 import pytest
 
-from twinscrew.training.exploration import CorrelatedNoise, ExplorationSettings, epsilon
+from twinscrew.training.exploration import (
+    CorrelatedNoise,
+    ExplorationSettings,
+    HeldLevels,
+    epsilon,
+)
 
 SETTINGS = ExplorationSettings(noise=0.5, correlation=0.9)
 
@@ -37,3 +42,21 @@ def test_epsilon_falls_linearly_and_stays():
     settings = ExplorationSettings(epsilon_start=0.6, epsilon_end=0.1, epsilon_steps=100)
     falls = [epsilon(settings, step) for step in (0, 50, 100, 1000)]
     assert falls == pytest.approx([0.6, 0.35, 0.1, 0.1])
+
+
+def test_a_vessel_keeps_its_risk_level_until_its_end():
+    held = HeldLevels(8, 4000, np.random.default_rng(0))
+    before = held.levels.copy()
+    assert np.unique(before * 8).tolist() == [1, 2, 3, 4, 5, 6, 7, 8]
+    ended = np.arange(4000) < 2000
+    held.renew(ended)
+    assert (held.levels[2000:] == before[2000:]).all()
+    assert (held.levels[:2000] != before[:2000]).mean() == pytest.approx(7 / 8, abs=0.03)
+
+
+def test_without_levels_nothing_is_held_or_drawn():
+    generator = np.random.default_rng(0)
+    held = HeldLevels(0, 4, generator)
+    held.renew(np.ones(4, bool))
+    assert held.levels is None
+    assert generator.random() == np.random.default_rng(0).random()

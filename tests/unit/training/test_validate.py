@@ -21,7 +21,7 @@ class Ahead(nn.Module):
 
 
 def evaluation(rate, time_s):
-    return Evaluation(100, rate, (0.0, 1.0), time_s, 0, 0, 0)
+    return Evaluation(100, rate, (0.0, 1.0), time_s, 0, 0, 0, 10.0)
 
 
 def test_only_vessels_on_the_water_are_asked_and_actions_become_rates():

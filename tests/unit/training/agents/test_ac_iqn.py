@@ -5,7 +5,8 @@ import pytest
 import torch
 
 from twinscrew.training.agents.ac_iqn import AcIqn, AcIqnSettings
-from twinscrew.training.losses import quantile_huber
+from twinscrew.training.encoders import heed
+from twinscrew.training.losses import quantile_huber, worst_share
 from twinscrew.training.networks import NetworkSettings
 
 SMALL = NetworkSettings(ego_width=16, object_width=16, feature_width=32, hidden_width=32)
@@ -114,3 +115,77 @@ def test_bfloat16_changes_little_and_the_losses_stay_float32(batch):
     one, other = exact.update(batch(), 0.0), rough.update(batch(), 0.0)
     assert other["critic_loss"].dtype == torch.float32
     assert float(other["critic_loss"]) == pytest.approx(float(one["critic_loss"]), rel=0.05)
+
+
+TOLD = msgspec.structs.replace(SETTINGS, risk_levels=8, risk=0.5)
+
+
+def test_the_worst_share_of_stratified_quantiles_is_the_cvar():
+    # Of a return uniform on [0, 1] the quantile at tau is tau, and CVaR_alpha = alpha / 2.
+    level = torch.tensor([[0.25], [0.5], [1.0]])
+    middles = (torch.arange(8) + 0.5) / 8
+    weights = worst_share(level, 8)
+    assert weights.sum(1).tolist() == pytest.approx([1.0, 1.0, 1.0])
+    assert (weights * middles).sum(1).tolist() == pytest.approx([0.125, 0.25, 0.5])
+
+
+def test_a_conditioned_actor_climbs_each_samples_own_share(observations):
+    agent = AcIqn(TOLD, seed=1)
+    risk = torch.tensor([0.125, 1.0]).repeat(8)[:, None]
+    seen = heed(agent.see(observations(16, 3)), risk)
+    before = agent.generator.get_state()
+    value = agent.actor_value(seen, risk)
+    agent.generator.set_state(before)
+    fractions = (torch.arange(8) + torch.rand(8, generator=agent.generator)) / 8
+    quantiles = agent.critic(seen, agent.actor(seen), fractions)
+    expected = torch.where(risk.squeeze(1) < 1.0, quantiles[:, 0], quantiles.mean(1)).mean()
+    assert value.item() == pytest.approx(expected.item(), rel=1e-5)
+
+
+def test_the_target_action_is_that_of_the_samples_level(batch):
+    agent = AcIqn(TOLD, seed=1)
+    asked = []
+    actor, critic = agent.target_actor.forward, agent.target_critic.forward
+    agent.target_actor.forward = lambda seen: asked.append(seen.ego[:, -1]) or actor(seen)
+    agent.target_critic.forward = lambda s, *rest: asked.append(s.ego[:, -1]) or critic(s, *rest)
+    agent.update(batch(), 0.0)
+    assert torch.equal(asked[0], asked[1])
+    assert set((asked[0] * 8).tolist()) == {1, 2, 3, 4, 5, 6, 7, 8}
+
+
+def test_a_conditioned_actor_is_deployed_at_its_level_and_answers_at_others(observations):
+    agent, some = AcIqn(TOLD, seed=2), observations(4, 1)
+    pilot = agent.deployed(1.0)
+    at = {level: pilot(some, torch.full((4, 1), level)) for level in (0.25, 0.5)}
+    assert torch.equal(pilot(some), at[0.5])
+    assert not torch.equal(at[0.25], at[0.5])
+    assert torch.equal(agent.act(some, explore=False), at[0.5])
+
+
+def test_one_network_learns_a_bold_and_a_cautious_policy(batch, observations):
+    # One-step episodes: the left thruster gains a = 0 .. 1 but loses 3 a^2 with probability 0.3.
+    # The worst eighth holds losses alone, so 0 is best; the mean a - 0.9 a^2 is best at 0.56.
+    settings = msgspec.structs.replace(TOLD, learning_rate=3e-3, actor_rate=1e-3)
+    agent = AcIqn(settings, seed=3)
+    generator = torch.Generator().manual_seed(9)
+
+    def reward(action):
+        unlucky = (torch.rand(len(action), generator=generator) < 0.3).float()
+        gain = action[:, 0].clamp(min=0.0)
+        return gain - unlucky * 3 * gain**2 - action[:, 0].clamp(max=0.0) ** 2
+
+    for k in range(500):
+        agent.update(batch(128, k, reward, discount=0.0), 0.0)
+    pilot, some = agent.deployed(1.0), observations(50, 999)
+    agent.average_actor.load_state_dict(agent.actor.state_dict())
+    with torch.no_grad():
+        cautious, bold = (
+            pilot(some, torch.full((50, 1), level))[:, 0].mean().item() for level in (0.125, 1.0)
+        )
+    assert cautious < bold - 0.1
+
+
+@pytest.mark.parametrize("wrong", [{"stratified": False}, {"risk_levels": 3}])
+def test_levels_that_no_fractions_fit_are_refused(wrong):
+    with pytest.raises(ValueError, match="risk_levels needs stratified"):
+        msgspec.structs.replace(TOLD, **wrong)
