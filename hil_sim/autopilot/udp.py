@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
-from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot
+from typing import Protocol
+
 from twinscrew.runtime.link.transport import Transport
-from twinscrew.runtime.messages.types import Odometry
+from twinscrew.runtime.messages.types import Float64, Odometry
+
+
+class Autopilot(Protocol):
+    """What answers on the net: `RoverAutopilot`, or who stands for one elsewhere."""
+
+    def receive(self, data: bytes, now_s: float) -> None:
+        """Take bytes from the network."""
+
+    def step(self, now_s: float, vehicle: Odometry | None = None) -> bytes:
+        """Let time pass, and give what it sends."""
+
+    def thrust_command_N(self) -> Float64:
+        """Give the thrust, (2,) [N] left and right, that the outputs ask of the propellers."""
 
 
 class AutopilotOnTheNet:
@@ -19,7 +33,7 @@ class AutopilotOnTheNet:
         runtime listens (`udpin`).
     """
 
-    def __init__(self, autopilot: RoverAutopilot, transport: Transport) -> None:
+    def __init__(self, autopilot: Autopilot, transport: Transport) -> None:
         self.autopilot = autopilot
         self.transport = transport
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -41,23 +42,18 @@ class Fleet(Protocol):
 
 
 class SimulatedFleet:
-    """Our simulated autopilots in this process, each on a UDP port of its own."""
+    """Our simulated autopilots, each on a UDP port of its own."""
 
     patience_s = 0.0
 
-    def __init__(
-        self, system_ids: list[int], settings: RoverAutopilotSettings | None = None
-    ) -> None:
-        settings = settings or RoverAutopilotSettings()
-        self._transports = [UdpTransport(LOOPBACK, 0, listens=True) for _ in system_ids]
-        self._pilots = [
-            AutopilotOnTheNet(RoverAutopilot(settings, system_id), transport)
-            for system_id, transport in zip(system_ids, self._transports, strict=True)
-        ]
+    def __init__(self, pilots: Sequence[AutopilotOnTheNet], ports: Sequence[int]) -> None:
+        """Take autopilots, and the ports on which they listen."""
+        self._pilots = pilots
+        self._ports = ports
 
     def connection(self, vessel: int) -> str:
         """See `Fleet`."""
-        return f"udpout:{LOOPBACK}:{self._transports[vessel].port}"
+        return f"udpout:{LOOPBACK}:{self._ports[vessel]}"
 
     def exchange(self, vessel: int, now_s: float, odometry: Odometry) -> None:
         """See `Fleet`."""
@@ -78,3 +74,16 @@ class SimulatedFleet:
         """See `Fleet`."""
         for pilot in self._pilots:
             pilot.close()
+
+
+def simulated_fleet(
+    system_ids: Sequence[int], settings: RoverAutopilotSettings | None = None
+) -> SimulatedFleet:
+    """Make autopilots of these system ids in this process."""
+    settings = settings or RoverAutopilotSettings()
+    transports = [UdpTransport(LOOPBACK, 0, listens=True) for _ in system_ids]
+    pilots = [
+        AutopilotOnTheNet(RoverAutopilot(settings, system_id), transport)
+        for system_id, transport in zip(system_ids, transports, strict=True)
+    ]
+    return SimulatedFleet(pilots, [transport.port for transport in transports])

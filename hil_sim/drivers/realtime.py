@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import socket
 import subprocess
 import sys
@@ -15,10 +16,10 @@ from typing import Any, Self
 import msgspec
 import tomli_w
 
-from twinscrew.hil_sim.drivers.fleet import LOOPBACK, Fleet, SimulatedFleet
+from twinscrew.hil_sim.drivers.fleet import LOOPBACK, Fleet, simulated_fleet
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.session import inputs_of
-from twinscrew.runtime.bus.base import Received
+from twinscrew.runtime.bus.base import Received, Receiver
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.errors import LinkError, MessageError
@@ -32,6 +33,9 @@ STOP_LIMIT_S = 5.0
 """[s] How long they may take to stop."""
 SETTLE_S = 0.5
 """[s] A vessel is ready this long after its runtime could drive first."""
+CONFIG_FILE = "runtime.toml"
+LOG_FILE = "log.txt"
+"""In each vessel's folder: what its runtime is told, and what it says."""
 LOG_TAIL = 400
 """[characters] Of a dead runtime's last words to repeat."""
 
@@ -47,6 +51,7 @@ class RealtimeCrew:
         folders: list[Path],
         fleet: Fleet | None = None,
         tell: Callable[[str], None] | None = None,
+        reroute: Callable[[int, int], int] | None = None,
     ) -> None:
         """Prepare the crew.
 
@@ -60,11 +65,16 @@ class RealtimeCrew:
             The vessels' autopilots, closed with the crew; ours if none are given.
         tell
             Takes what the autopilots say and what ails them, in Zenoh's thread.
+        reroute
+            Gives the port to which a vessel's runtime connects, of its index and the simulator's
+            port: somebody may stand between them.
         """
         self._configs = configs
         self._folders = folders
-        self._fleet = fleet or SimulatedFleet([config.autopilot.system_id for config in configs])
+        self._fleet = fleet or simulated_fleet([c.autopilot.system_id for c in configs])
         self._tell = tell
+        self._reroute = reroute or (lambda _vessel, port: port)
+        self._down: set[int] = set()
         self._buses: list[ZenohBus] = []
         self._processes: list[subprocess.Popen[bytes]] = []
         self._engaged = [False] * len(configs)
@@ -75,13 +85,15 @@ class RealtimeCrew:
         """[s] The most that simulated time fell behind the clock."""
 
     def __enter__(self) -> Self:
-        endpoint = f"tcp/{LOOPBACK}:{free_port()}"
+        port = free_port()
+        endpoint = f"tcp/{LOOPBACK}:{port}"
         names = [config.name for config in self._configs]
         try:
             bus = ZenohBus(ZenohSettings(listen=(endpoint,), connect=()), names[0])
             self._buses = [bus.within(name) for name in names]
             for vessel in range(len(self._configs)):
-                self._start(vessel, endpoint)
+                self._prepare(vessel, self._reroute(vessel, port))
+                self._processes.append(self._started(vessel))
             self._wait_for_runtimes()
         except BaseException:
             self.close()
@@ -131,14 +143,36 @@ class RealtimeCrew:
     def check(self) -> None:
         """See `Crew`."""
         self._fleet.check()
-        for config, folder, process in zip(
-            self._configs, self._folders, self._processes, strict=True
-        ):
-            if process.poll() is not None:
-                words = (folder / "log.txt").read_text(errors="replace")[-LOG_TAIL:].strip()
-                raise LinkError(
-                    f"the runtime of {config.name} ended with status {process.returncode}: {words}"
-                )
+        for vessel, process in enumerate(self._processes):
+            if vessel not in self._down and process.poll() is not None:
+                log = self._folders[vessel] / LOG_FILE
+                words = log.read_text(errors="replace")[-LOG_TAIL:].strip()
+                name, status = self._configs[vessel].name, process.returncode
+                raise LinkError(f"the runtime of {name} ended with status {status}: {words}")
+
+    def kill(self, vessel: int) -> None:
+        """Kill a vessel's runtime as hard as can be; that is no error until it is started again."""
+        self._down.add(vessel)
+        self._processes[vessel].kill()
+        self._processes[vessel].wait()
+
+    def start_again(self, vessel: int) -> None:
+        """Start a runtime that was killed."""
+        self._processes[vessel] = self._started(vessel)
+        self._down.discard(vessel)
+
+    def signal(self, vessel: int, number: signal.Signals) -> None:
+        """Send a vessel's runtime a signal."""
+        self._processes[vessel].send_signal(number)
+
+    def listen(self, vessel: int, topic: str, receive: Receiver) -> None:
+        """Have everything called that a vessel's runtime says on a topic, in Zenoh's thread."""
+        self._buses[vessel].subscribe(topic, receive)
+
+    @property
+    def down(self) -> frozenset[int]:
+        """Vessels whose runtimes were killed and not started again."""
+        return frozenset(self._down)
 
     @property
     def pids(self) -> tuple[int, ...]:
@@ -148,6 +182,7 @@ class RealtimeCrew:
     def close(self) -> None:
         """Stop every process, and wait for it."""
         for process in self._processes:
+            process.send_signal(signal.SIGCONT)  # one that was stopped cannot end otherwise
             process.terminate()
         for process in self._processes:
             try:
@@ -159,7 +194,8 @@ class RealtimeCrew:
         for bus in self._buses[:1]:  # they share one session
             bus.close()
 
-    def _start(self, vessel: int, endpoint: str) -> None:
+    def _prepare(self, vessel: int, port: int) -> None:
+        """Listen to a vessel's runtime, and write its configuration."""
         config, folder = self._configs[vessel], self._folders[vessel]
         self._buses[vessel].subscribe("engagement", lambda message: self._note(vessel, message))
         if self._tell is not None:
@@ -172,14 +208,18 @@ class RealtimeCrew:
         complete = msgspec.structs.replace(
             config,
             autopilot=autopilot,
-            bus=msgspec.structs.replace(config.bus, connect=(endpoint,)),
+            bus=msgspec.structs.replace(config.bus, connect=(f"tcp/{LOOPBACK}:{port}",)),
         )
         folder.mkdir(parents=True, exist_ok=True)
-        file = folder / "runtime.toml"
-        file.write_text(tomli_w.dumps(_without_none(msgspec.to_builtins(complete))))
-        command = [sys.executable, "-m", "twinscrew.runtime.app", "run", "--config", str(file)]
-        with (folder / "log.txt").open("wb") as log:
-            self._processes.append(subprocess.Popen(command, stdout=log, stderr=log))
+        text = tomli_w.dumps(_without_none(msgspec.to_builtins(complete)))
+        (folder / CONFIG_FILE).write_text(text)
+
+    def _started(self, vessel: int) -> subprocess.Popen[bytes]:
+        folder = self._folders[vessel]
+        file = str(folder / CONFIG_FILE)
+        command = [sys.executable, "-m", "twinscrew.runtime.app", "run", "--config", file]
+        with (folder / LOG_FILE).open("ab") as log:
+            return subprocess.Popen(command, stdout=log, stderr=log)
 
     def _wait_for_runtimes(self) -> None:
         for config, bus in zip(self._configs, self._buses, strict=True):

@@ -3,6 +3,7 @@ from pathlib import Path
 import pytest
 
 from twinscrew.hil_sim.experiments.sets import load_sets
+from twinscrew.hil_sim.faults.plan import load_plan
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.shapes import load_shape
@@ -31,6 +32,7 @@ READERS = {
     "experiments/apf.toml": lambda path: load_policy("apf"),
     "experiments/mpc.toml": lambda path: load_policy("mpc"),
     "experiments/*": load_sets,
+    "faults/*": load_plan,
 }
 """Who reads what; the first that fits."""
 

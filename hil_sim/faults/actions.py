@@ -1,0 +1,150 @@
+"""How each kind of fault is made, and ended."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any, NamedTuple, cast
+
+from numpy.random import Generator
+
+from twinscrew.hil_sim.autopilot.parameters import Parameters
+from twinscrew.hil_sim.drivers.realtime import RealtimeCrew
+from twinscrew.hil_sim.faults.effects import (
+    Corrupting,
+    Delaying,
+    Dropping,
+    Duplicating,
+    Effect,
+    Reordering,
+)
+from twinscrew.hil_sim.faults.ids import Impersonating
+from twinscrew.hil_sim.faults.kinds import KINDS, Cut, Hog, Parameter, Pilot
+from twinscrew.hil_sim.faults.line import Line
+from twinscrew.hil_sim.faults.plan import Fault
+from twinscrew.hil_sim.faults.rig import Rig
+from twinscrew.hil_sim.faults.sensing import Freezing, Jumping, NoisyOdometry, NoisyPoints
+
+
+class Action(NamedTuple):
+    """What begins a fault, and what ends it."""
+
+    begin: Callable[[], None]
+    end: Callable[[], None]
+
+
+def action_of(fault: Fault, rig: Rig, crew: RealtimeCrew, rng: Generator) -> Action:
+    """Give what makes a fault of one vessel.
+
+    Parameters
+    ----------
+    fault
+        As `load_plan` checked it.
+    rng
+        What lots are drawn from.
+    """
+    given = cast("Any", fault.settings())
+    vessel = rig.vessel
+    match fault.kind, fault.target:
+        case "kill", "runtime":
+            return Action(lambda: crew.kill(vessel), lambda: crew.start_again(vessel))
+        case "hang", "runtime":
+            return _hang(lambda number: crew.signal(vessel, number))
+        case "kill", _:
+            return Action(rig.autopilot.kill, rig.autopilot.start)
+        case "hang", _:
+            return _hang(rig.autopilot.signal)
+        case "cut", _:
+            return _cut(rig, given)
+        case "cpu_hog", _:
+            return _hog(given)
+        case "pilot", _:
+            return _pilot(rig, given)
+        case "parameter", _:
+            return _parameter(rig, given)
+        case "goal", _:
+            return Action(lambda: crew.deliver(vessel, "goal", rig.goal, 0.0), _nothing)
+    return _on_lines(fault, rig, rng)
+
+
+def effect_of(kind: str, target: str, given: Any, rng: Generator) -> Effect:
+    """Give what a fault does to the messages of one line."""
+    match kind:
+        case "drop":
+            return Dropping(given.share, rng)
+        case "delay":
+            return Delaying(given.delay_s)
+        case "duplicate":
+            return Duplicating(given.copies)
+        case "reorder":
+            return Reordering(given.share, rng)
+        case "corrupt":
+            return Corrupting(given, rng)
+        case "freeze":
+            return Freezing(stamps_move=given.stamps == "moving")
+        case "clock_jump":
+            return Jumping(given.jump_s)
+        case "wrong_ids":
+            return Impersonating(given)
+        case "noise":
+            return NoisyPoints(given, rng) if target == "points" else NoisyOdometry(given, rng)
+    raise ValueError(f"{kind} is nothing that a line can do; those are in {sorted(KINDS)}")
+
+
+def _on_lines(fault: Fault, rig: Rig, rng: Generator) -> Action:
+    names = {id(line): name for name, line in rig.lines.items()}
+    pairs: list[tuple[Line, Effect]] = [
+        (line, effect_of(fault.kind, names[id(line)], fault.settings(), rng))
+        for line in rig.lines_of(fault.target)
+    ]
+
+    def begin() -> None:
+        for line, effect in pairs:
+            line.add(effect)
+
+    def end() -> None:
+        for line, effect in pairs:
+            line.remove(effect)
+
+    return Action(begin, end)
+
+
+def _hang(send: Callable[[signal.Signals], None]) -> Action:
+    return Action(lambda: send(signal.SIGSTOP), lambda: send(signal.SIGCONT))
+
+
+def _cut(rig: Rig, given: Cut) -> Action:
+    return Action(lambda: rig.proxy.cut(silently=given.silently), rig.proxy.mend)
+
+
+def _hog(given: Hog) -> Action:
+    hogs: list[subprocess.Popen[bytes]] = []
+
+    def begin() -> None:
+        words = [sys.executable, "-c", "while True: pass"]
+        hogs.extend(subprocess.Popen(words) for _ in range(given.processes))
+
+    def end() -> None:
+        for hog in hogs:
+            hog.kill()
+            hog.wait()
+
+    return Action(begin, end)
+
+
+def _pilot(rig: Rig, given: Pilot) -> Action:
+    return Action(lambda: rig.autopilot.act(given.does), _nothing)
+
+
+def _parameter(rig: Rig, given: Parameter) -> Action:
+    right = Parameters(rig.system_id, {given.name: given.value}) and Parameters(rig.system_id, {})
+    return Action(
+        lambda: rig.autopilot.set_parameter(given.name, given.value),
+        lambda: rig.autopilot.set_parameter(given.name, right[given.name]),
+    )
+
+
+def _nothing() -> None:
+    pass

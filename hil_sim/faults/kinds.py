@@ -1,0 +1,144 @@
+"""The kinds of faults: what each is done to, and what can be said about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Final, Literal
+
+from msgspec import Meta
+
+from twinscrew.runtime.settings import Count, Fraction, NonNegative, Positive, Settings
+
+SENSORS: Final = ("points", "odometry")
+TOPICS: Final = (*SENSORS, "goal", "sensors")
+"""`sensors` is both: what a clock that all sensors share does, or a cable that they share."""
+MAVLINK: Final = ("to_autopilot", "from_autopilot", "mavlink")
+"""Directions of the line to the autopilot; `mavlink` is both."""
+Id = Annotated[int, Meta(ge=1, le=255)]
+
+
+class Nothing(Settings, frozen=True):
+    """A fault that needs no more words."""
+
+
+class Some(Settings, frozen=True):
+    """A fault that may spare some messages."""
+
+    share: Fraction = 1.0
+    """[-] Of the messages, drawn by lot, to which it happens."""
+
+
+class Delay(Settings, frozen=True):
+    """Messages come late, in order."""
+
+    delay_s: Positive = 1.0
+    """[s] By how much."""
+
+
+class Duplicate(Settings, frozen=True):
+    """Messages come more than once."""
+
+    copies: Count = 1
+    """[-] How often more."""
+
+
+class Corrupt(Some, frozen=True):
+    """Messages are damaged."""
+
+    bits: Annotated[int, Meta(ge=0)] = 0
+    """[-] That are turned, anywhere."""
+    keep: Fraction = 1.0
+    """[-] Of the bytes, from the beginning; the rest is cut off."""
+
+
+class Freeze(Settings, frozen=True):
+    """The last message is repeated in the place of every new one."""
+
+    stamps: Literal["still", "moving"] = "still"
+    """Whether the repeated message bears its old stamp, or the new one's."""
+
+
+class Noise(Settings, frozen=True):
+    """Measurements are worse."""
+
+    sigma_m: NonNegative = 0.0
+    """[m] Added to every echo's distance, or to the position."""
+    phantoms: Annotated[int, Meta(ge=0)] = 0
+    """[-] Echoes of nothing within 30 m, a scan (spray, rain)."""
+
+
+class ClockJump(Settings, frozen=True):
+    """The stamps' clock is set wrong."""
+
+    jump_s: float
+    """[s] By how much; negative is back."""
+
+
+class WrongIds(Settings, frozen=True):
+    """MAVLink frames bear another sender."""
+
+    system_id: Id | None = None
+    """[-] In place of the real one; none leaves it."""
+    component_id: Id | None = None
+    """[-] In place of the real one; none leaves it."""
+
+
+class Cut(Settings, frozen=True):
+    """The connection between sensors and runtime breaks, and cannot be made anew."""
+
+    silently: bool = False
+    """As if a cable was pulled: nothing arrives, and nobody is told. Else it is closed."""
+
+
+class Hog(Settings, frozen=True):
+    """Others want the processor."""
+
+    processes: Count = 4
+    """[-] How many, each always busy."""
+
+
+class Pilot(Settings, frozen=True):
+    """A pilot does something by radio or ground station."""
+
+    does: Literal["hold", "manual", "arm", "disarm"]
+    """Which."""
+
+
+class Parameter(Settings, frozen=True):
+    """A parameter of the autopilot is set to a wrong value, and put back in the end."""
+
+    name: str
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """What a kind of fault may be done to, and with which parameters."""
+
+    targets: tuple[str, ...]
+    parameters: type[Settings]
+
+
+KINDS: Final[Mapping[str, Kind]] = {
+    "drop": Kind((*TOPICS, *MAVLINK), Some),
+    "delay": Kind((*TOPICS, *MAVLINK), Delay),
+    "duplicate": Kind((*TOPICS, *MAVLINK), Duplicate),
+    "reorder": Kind((*TOPICS, *MAVLINK), Some),
+    "corrupt": Kind((*TOPICS, *MAVLINK), Corrupt),
+    "freeze": Kind((*SENSORS, "sensors"), Freeze),
+    "noise": Kind((*SENSORS, "sensors"), Noise),
+    "clock_jump": Kind((*SENSORS, "sensors"), ClockJump),
+    "wrong_ids": Kind(MAVLINK, WrongIds),
+    "kill": Kind(("runtime", "autopilot"), Nothing),
+    "hang": Kind(("runtime", "autopilot"), Nothing),
+    "cut": Kind(("zenoh",), Cut),
+    "cpu_hog": Kind(("machine",), Hog),
+    "pilot": Kind(("autopilot",), Pilot),
+    "parameter": Kind(("autopilot",), Parameter),
+    "goal": Kind(("runtime",), Nothing),
+}
+"""Every kind. `kill` and `hang` end with a restart; `goal` is an operator who sends it again."""
+
+AT_ONCE: Final = ("pilot", "goal")
+"""Kinds that happen and are over."""

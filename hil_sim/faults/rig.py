@@ -1,0 +1,66 @@
+"""Everything of one vessel at which faults are made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from twinscrew.hil_sim.autopilot.udp import AutopilotOnTheNet
+from twinscrew.hil_sim.drivers.fleet import LOOPBACK, SimulatedFleet
+from twinscrew.hil_sim.faults.line import Line
+from twinscrew.hil_sim.faults.mavlink_line import FaultyTransport
+from twinscrew.hil_sim.faults.proxy import Proxy
+from twinscrew.hil_sim.faults.remote_autopilot import RemoteAutopilot
+from twinscrew.runtime.link.sockets import UdpTransport
+
+TOPICS = ("points", "odometry", "goal")
+
+
+class Rig:
+    """One vessel's lines, its autopilot, and the connection of its runtime."""
+
+    def __init__(self, vessel: int, system_id: int, clock: Callable[[], float]) -> None:
+        """Start its autopilot, on a port of its own; `clock` is that of the lines' delays."""
+        self.vessel = vessel
+        self.system_id = system_id
+        self.lines = {name: Line() for name in (*TOPICS, "to_autopilot", "from_autopilot")}
+        """By topic, and by direction of MAVLink."""
+        self.autopilot = RemoteAutopilot(system_id)
+        socket = UdpTransport(LOOPBACK, 0, listens=True)
+        transport = FaultyTransport(
+            socket, self.lines["to_autopilot"], self.lines["from_autopilot"], clock
+        )
+        self.port = socket.port
+        self.net = AutopilotOnTheNet(self.autopilot, transport)
+        self.goal = b""
+        """The goal that it was given."""
+        self._proxy: Proxy | None = None
+
+    def reroute(self, port: int) -> int:
+        """Stand between the runtime and the simulator's port; give the port to connect to."""
+        self._proxy = Proxy(port)
+        return self._proxy.port
+
+    @property
+    def proxy(self) -> Proxy:
+        """Who stands between runtime and simulator."""
+        assert self._proxy is not None, "the crew reroutes before it sails"  # noqa: S101
+        return self._proxy
+
+    def lines_of(self, target: str) -> list[Line]:
+        """Give the lines that a target means."""
+        names = {
+            "sensors": ("points", "odometry"),
+            "mavlink": ("to_autopilot", "from_autopilot"),
+        }.get(target, (target,))
+        return [self.lines[name] for name in names]
+
+    def close(self) -> None:
+        """Stop what stands between; the autopilot is closed with its fleet."""
+        self.autopilot.close()
+        if self._proxy is not None:
+            self._proxy.close()
+
+
+def fleet_of(rigs: list[Rig]) -> SimulatedFleet:
+    """Make the fleet of the vessels' autopilots."""
+    return SimulatedFleet([rig.net for rig in rigs], [rig.port for rig in rigs])
