@@ -54,11 +54,11 @@ def decode_odometry(payload: bytes | memoryview) -> Odometry:
     body = reader.values(_BODY, 8)
     reader.end()
     x, y, z, qx, qy, qz, qw, *twist = body
-    _check_numbers(reader, body)
+    check_numbers(reader, body)
     return Odometry(
         stamp_ns=stamp_ns,
         position_N=enu_to_ned(np.array((x, y, z))),
-        q_NB=attitude_enu_flu_to_ned_frd(_unit(reader, qw, qx, qy, qz)),
+        q_NB=attitude_enu_flu_to_ned_frd(unit(reader, qw, qx, qy, qz)),
         velocity_B=flu_to_frd(np.array(twist[:3])),
         rates_B=flu_to_frd(np.array(twist[3:])),
     )
@@ -89,7 +89,7 @@ def decode_goal(payload: bytes | memoryview) -> Goal:
     stamp_ns, _ = read_header(reader)
     x, y, *_ = reader.values("7d", 8)
     reader.end()
-    _check_numbers(reader, (x, y))
+    check_numbers(reader, (x, y))
     return Goal(stamp_ns=stamp_ns, position_N=np.array((y, x)))
 
 
@@ -102,7 +102,8 @@ def encode_goal(goal: Goal, *, frame_id: str = WORLD_FRAME) -> bytes:
     return writer.payload()
 
 
-def _check_numbers(reader: Reader, numbers: Iterable[float]) -> None:
+def check_numbers(reader: Reader, numbers: Iterable[float]) -> None:
+    """Refuse numbers that are not finite, or greater than anything on the water."""
     for number in numbers:
         if not math.isfinite(number):
             raise reader.fail("a number is not finite")
@@ -110,7 +111,8 @@ def _check_numbers(reader: Reader, numbers: Iterable[float]) -> None:
             raise reader.fail(f"{number:g} cannot be: the greatest number allowed is {_GREATEST:g}")
 
 
-def _unit(reader: Reader, w: float, x: float, y: float, z: float) -> Array:
+def unit(reader: Reader, w: float, x: float, y: float, z: float) -> Array:
+    """Give a unit quaternion, w first; refuse one whose norm is off by more than rounding."""
     norm = math.hypot(w, x, y, z)
     if abs(norm - 1.0) > _QUATERNION_TOLERANCE:
         raise reader.fail(f"an attitude of norm {norm:g} is not a unit quaternion")

@@ -14,8 +14,11 @@ from twinscrew.runtime.messages.cloud import POINT_CLOUD_TYPE
 from twinscrew.runtime.messages.decision import DECISION_TYPE
 from twinscrew.runtime.messages.definitions import type_hash
 from twinscrew.runtime.messages.diagnostics import DIAGNOSTICS_TYPE
+from twinscrew.runtime.messages.imu import IMU_TYPE
 from twinscrew.runtime.messages.markers import MARKERS_TYPE
+from twinscrew.runtime.messages.navsat import FIX_TYPE
 from twinscrew.runtime.messages.odometry import GOAL_TYPE, ODOMETRY_TYPE
+from twinscrew.runtime.messages.path import PATH_TYPE
 from twinscrew.runtime.messages.simple import CLOCK_TYPE, ENGAGEMENT_TYPE, THRUST_TYPE
 from twinscrew.runtime.messages.transforms import TRANSFORMS_TYPE
 
@@ -89,6 +92,24 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 core=True,
             ),
             Topic(
+                name="gps",
+                key="sensors/gps/gps/fix",
+                ros_type=FIX_TYPE,
+                direction=Direction.IN,
+                traffic=Traffic.SENSOR,
+                rate_hz=20.0,
+                depth=32,
+            ),
+            Topic(
+                name="imu",
+                key="sensors/imu/imu/data",
+                ros_type=IMU_TYPE,
+                direction=Direction.IN,
+                traffic=Traffic.SENSOR,
+                rate_hz=100.0,
+                depth=128,
+            ),
+            Topic(
                 name="goal",
                 key="goal",
                 ros_type=GOAL_TYPE,
@@ -156,6 +177,14 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 direction=Direction.OUT,
                 traffic=Traffic.STATUS,
                 rate_hz=10.0,
+            ),
+            Topic(
+                name="path",
+                key="path",
+                ros_type=PATH_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=1.0,
             ),
             Topic(
                 name="transforms",

@@ -61,6 +61,44 @@ class Odometry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Fix:
+    """Where a satellite receiver's antenna is on the earth."""
+
+    stamp_ns: int
+    """[ns] When it was measured."""
+    valid: bool
+    """False if the receiver says that it has no fix; the numbers mean nothing then."""
+    latitude_deg: float
+    """[deg] [WGS 84] North of the equator."""
+    longitude_deg: float
+    """[deg] [WGS 84] East of Greenwich."""
+    altitude_m: float
+    """[m] [WGS 84] Above the ellipsoid; NaN if the receiver does not tell."""
+    covariance_N: Float64 | None = None
+    """[m2] [N] (3, 3) Of the position; None if the receiver does not tell."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Imu:
+    """What an inertial measurement unit feels, in its own axes I: forward, starboard, down."""
+
+    stamp_ns: int
+    """[ns] When it was measured."""
+    rates_I: Float64
+    """[rad/s] [I] (3,) Roll, pitch and yaw rate."""
+    force_I: Float64
+    """[m/s2] [I] (3,) Specific force: acceleration less gravity, (0, 0, -g) at rest."""
+    q_NI: Float64 | None = None
+    """[-] (4,) Attitude of I in N as a unit quaternion, w first; None if it has none."""
+    attitude_variance: Float64 | None = None
+    """[rad2] (3,) Of roll, pitch, yaw; None if it does not tell."""
+    rates_variance: Float64 | None = None
+    """[rad2/s2] [I] (3,) Of the white noise of one sample; None if it does not tell."""
+    force_variance: Float64 | None = None
+    """[m2/s4] [I] (3,) Of the white noise of one sample; None if it does not tell."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Goal:
     """Where the vessel has to go."""
 

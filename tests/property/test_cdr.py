@@ -17,6 +17,9 @@ GOLDEN = Path(__file__).parents[1] / "data" / "cdr"
 DECODERS = {
     "odometry": cdr.decode_odometry,
     "goal": cdr.decode_goal,
+    "fix": cdr.decode_fix,
+    "imu": cdr.decode_imu,
+    "path": cdr.decode_path,
     "point_cloud": cdr.decode_point_cloud,
     "thrust": cdr.decode_thrust,
     "clock": cdr.decode_clock,

@@ -1,4 +1,5 @@
-"""Makes the golden payloads of this folder with another implementation of CDR, pycdr2 (1.0.0).
+"""Makes the golden payloads of this folder with another implementation of CDR, pycdr2 (1.0.0):
+that of Eclipse Cyclone DDS for Python, as a package of its own.
 
     python -m venv golden
     golden/bin/pip install pycdr2==1.0.0
@@ -8,12 +9,24 @@ The values are those of `tests/unit/messages/test_golden.py`. `*.be.cdr` are big
 """
 
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path as FilePath
 
 from pycdr2 import Endianness, IdlStruct
-from pycdr2.types import array, float32, float64, int32, int64, sequence, uint8, uint32, uint64
+from pycdr2.types import (
+    array,
+    float32,
+    float64,
+    int8,
+    int32,
+    int64,
+    sequence,
+    uint8,
+    uint16,
+    uint32,
+    uint64,
+)
 
-HERE = Path(__file__).parent
+HERE = FilePath(__file__).parent
 
 
 @dataclass
@@ -79,6 +92,40 @@ class Odometry(IdlStruct):
 class PoseStamped(IdlStruct):
     header: Header
     pose: Pose
+
+
+@dataclass
+class Path(IdlStruct):
+    header: Header
+    poses: sequence[PoseStamped]
+
+
+@dataclass
+class NavSatStatus(IdlStruct):
+    status: int8
+    service: uint16
+
+
+@dataclass
+class NavSatFix(IdlStruct):
+    header: Header
+    status: NavSatStatus
+    latitude: float64
+    longitude: float64
+    altitude: float64
+    position_covariance: array[float64, 9]
+    position_covariance_type: uint8
+
+
+@dataclass
+class Imu(IdlStruct):
+    header: Header
+    orientation: Quaternion
+    orientation_covariance: array[float64, 9]
+    angular_velocity: Vector3
+    angular_velocity_covariance: array[float64, 9]
+    linear_acceleration: Vector3
+    linear_acceleration_covariance: array[float64, 9]
 
 
 @dataclass
@@ -250,11 +297,21 @@ NORTHEAST = Quaternion(0.0, 0.0, 0.3826834323650898, 0.9238795325112867)
 """45 degrees anticlockwise from east."""
 
 
+def diagonal(a: float, b: float, c: float) -> list[float]:
+    return [a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, c]
+
+
 def marker(
-    namespace: str, number: int, kind: tuple[int, int], pose: Pose, scale: Vector3, color: ColorRGBA
+    namespace: str,
+    number: int,
+    kind: tuple[int, int],
+    pose: Pose,
+    scale: Vector3,
+    color: ColorRGBA,
+    frame_id: str = "base_link",
 ) -> Marker:
     return Marker(
-        Header(STAMP, "base_link"), namespace, number, *kind, pose, scale, color,
+        Header(STAMP, frame_id), namespace, number, *kind, pose, scale, color,
         Time(0, 500_000_000), False, [], [], "", CompressedImage(EMPTY), [], "", "", MeshFile(),
         False,
     )  # fmt: skip
@@ -284,6 +341,22 @@ def payloads() -> dict[str, IdlStruct]:
             TwistWithCovariance(twist, [0.0] * 36),
         ),
         "goal": PoseStamped(Header(STAMP, "world"), Pose(Vector3(30.0, 40.0, 0.0), UP)),
+        "path": Path(
+            Header(STAMP, "world"),
+            [
+                PoseStamped(Header(STAMP, "world"), Pose(Vector3(30.0, 40.0, 0.0), UP)),
+                PoseStamped(Header(STAMP, "world"), Pose(Vector3(31.0, 41.5, 0.0), UP)),
+            ],
+        ),
+        "fix": NavSatFix(
+            Header(STAMP, "gps"), NavSatStatus(0, 1), -33.7221, 150.6739, 1.15,
+            [0.25, 0.01, 0.0, 0.01, 0.36, 0.0, 0.0, 0.0, 1.0], 3,
+        ),
+        "imu": Imu(
+            Header(STAMP, "imu"), NORTHEAST, diagonal(1e-4, 1e-4, 4e-4),
+            Vector3(0.01, -0.02, 0.3), diagonal(8e-5, 8e-5, 8e-5),
+            Vector3(0.5, -0.25, 9.81), diagonal(4e-4, 4e-4, 4e-4),
+        ),
         "point_cloud": PointCloud2(
             Header(STAMP, "lidar"), 1, 2, fields, False, 20, 40, list(data), False
         ),
@@ -301,6 +374,15 @@ def payloads() -> dict[str, IdlStruct]:
             [
                 marker("", 0, (0, 3), Pose(Vector3(), UP), Vector3(), nothing),
                 marker("objects", 0, (3, 0), cylinder, Vector3(3.0, 3.0, 2.0), amber),
+            ]
+        ),
+        "track_markers": MarkerArray(
+            [
+                marker("", 0, (0, 3), Pose(Vector3(), UP), Vector3(), nothing, "world"),
+                marker("tracks", 3, (3, 0), Pose(Vector3(2.0, 1.0, 0.0), UP),
+                       Vector3(3.0, 3.0, 2.0), nothing, "world"),
+                marker("velocities", 3, (0, 0), Pose(Vector3(2.0, 1.0, 0.0), UP),
+                       Vector3(1.5, 0.3, 0.3), nothing, "world"),
             ]
         ),
         "decision": Decision(

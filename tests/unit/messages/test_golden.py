@@ -1,5 +1,6 @@
 """Our bytes against those of another implementation (tests/data/cdr/make_golden.py)."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,10 @@ from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import (
     Decision,
     Engagement,
+    Fix,
     Goal,
     HealthEvent,
+    Imu,
     Objects,
     Observation,
     Odometry,
@@ -99,6 +102,83 @@ def golden(name: str, suffix: str = ".cdr") -> bytes:
 )
 def test_what_we_write_is_what_another_implementation_writes(name, payload):
     assert payload == golden(name)
+
+
+PLACES_N = np.array([[40.0, 30.0], [41.5, 31.0]])
+FIX = Fix(
+    stamp_ns=STAMP_NS,
+    valid=True,
+    latitude_deg=-33.7221,
+    longitude_deg=150.6739,
+    altitude_m=1.15,
+    covariance_N=np.array([[0.36, 0.01, 0.0], [0.01, 0.25, 0.0], [0.0, 0.0, 1.0]]),
+)
+IMU = Imu(
+    stamp_ns=STAMP_NS,
+    rates_I=np.array((0.01, 0.02, -0.3)),
+    force_I=np.array((0.5, 0.25, -9.81)),
+    q_NI=quaternion_from_euler(0.0, 0.0, np.pi / 4),
+    attitude_variance=np.array((1e-4, 1e-4, 4e-4)),
+    rates_variance=np.full(3, 8e-5),
+    force_variance=np.full(3, 4e-4),
+)
+TRACKS = Tracks(
+    stamp_ns=STAMP_NS,
+    id=np.array([3]),
+    p_N=np.array([[1.0, 2.0]]),
+    v_N=np.array([[0.0, 1.5]]),
+    radius=np.array([1.5]),
+    covariance=np.zeros((1, 4, 4)),
+    age_s=np.zeros(1),
+)
+
+
+def same_but_for_rounding(ours: bytes, theirs: bytes, start: int, end: int | None = None) -> None:
+    assert ours[:start] == theirs[:start]
+    np.testing.assert_allclose(
+        np.frombuffer(ours[start:end]), np.frombuffer(theirs[start:end]), rtol=0, atol=1e-15
+    )
+    assert len(ours) == len(theirs)
+
+
+def test_a_written_fix_is_that_of_the_other_implementation():
+    assert cdr.encode_fix(FIX) == golden("fix")
+
+
+def test_a_written_path_is_that_of_the_other_implementation():
+    assert cdr.encode_path(PLACES_N, stamp_ns=STAMP_NS) == golden("path")
+
+
+def test_a_written_imu_message_differs_from_the_other_implementation_by_rounding_only():
+    theirs = golden("imu")
+    same_but_for_rounding(cdr.encode_imu(IMU), theirs, len(theirs) - 37 * 8)
+
+
+def test_written_tracks_are_those_of_the_other_implementation():
+    assert cdr.encode_track_markers(TRACKS) == golden("track_markers")
+
+
+@BYTE_ORDERS
+def test_a_fix_is_read_with_its_covariance_turned_from_enu_to_ned(suffix):
+    fix = cdr.decode_fix(golden("fix", suffix))
+    np.testing.assert_array_equal(fix.covariance_N, FIX.covariance_N)
+    assert replace(fix, covariance_N=None) == replace(FIX, covariance_N=None)
+
+
+@BYTE_ORDERS
+def test_an_imu_message_is_turned_from_enu_and_flu_to_ned_and_frd(suffix):
+    imu = cdr.decode_imu(golden("imu", suffix))
+    assert imu.stamp_ns == STAMP_NS
+    np.testing.assert_allclose(imu.q_NI, IMU.q_NI, atol=1e-15)
+    for name in ("rates_I", "force_I", "attitude_variance", "rates_variance", "force_variance"):
+        np.testing.assert_array_equal(getattr(imu, name), getattr(IMU, name))
+
+
+@BYTE_ORDERS
+def test_a_path_is_turned_from_enu_to_ned(suffix):
+    stamp_ns, places_N = cdr.decode_path(golden("path", suffix))
+    assert stamp_ns == STAMP_NS
+    np.testing.assert_array_equal(places_N, PLACES_N)
 
 
 def test_written_odometry_differs_from_the_other_implementation_by_rounding_only():

@@ -1,0 +1,39 @@
+"""`nav_msgs/Path`: the way that was sailed, as RViz and Foxglove draw it."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from twinscrew.runtime.messages.header import WORLD_FRAME, read_header, write_header
+from twinscrew.runtime.messages.types import Float64
+from twinscrew.runtime.messages.wire import Reader, Writer
+
+PATH_TYPE: Final = "nav_msgs/msg/Path"
+_SMALLEST_POSE: Final = 68
+"""[B] A header with an empty frame, and seven numbers, without padding."""
+
+
+def encode_path(p_N: Float64, *, stamp_ns: int, frame_id: str = WORLD_FRAME) -> bytes:
+    """Write places, (K, 2) [m] [N], as a nav_msgs/Path in ENU; attitudes mean nothing."""
+    writer = Writer()
+    write_header(writer, stamp_ns, frame_id)
+    writer.values("I", 4, len(p_N))
+    for north, east in p_N.tolist():
+        write_header(writer, stamp_ns, frame_id)
+        writer.values("7d", 8, east, north, 0.0, 0.0, 0.0, 0.0, 1.0)
+    return writer.payload()
+
+
+def decode_path(payload: bytes | memoryview) -> tuple[int, Float64]:
+    """Read a nav_msgs/Path; give its stamp [ns] and the places, (K, 2) [m] [N]."""
+    reader = Reader(payload, PATH_TYPE)
+    stamp_ns, _ = read_header(reader)
+    places = []
+    for _ in range(reader.count(_SMALLEST_POSE)):
+        read_header(reader)
+        east, north, *_ = reader.values("7d", 8)
+        places.append((north, east))
+    reader.end()
+    return stamp_ns, np.array(places).reshape(-1, 2)
