@@ -66,6 +66,7 @@ class World:
         # One independent stream a use: the sea, then each vessel's LiDAR and odometry.
         for_sea, *for_vessels = SeedSequence(seed).spawn(1 + scenario.vessels)
         self.sea = Sea(sea, np.random.default_rng(for_sea))
+        self._seeds = for_vessels
         streams = [[np.random.default_rng(s) for s in v.spawn(2)] for v in for_vessels]
         self._lidar_rng: list[Generator] = [pair[0] for pair in streams]
         self._odometry_rng: list[Generator] = [pair[1] for pair in streams]
@@ -78,6 +79,7 @@ class World:
         self._moorings_N = scenario.starts.copy()
         self._closest = np.full(scenario.vessels, np.inf)
         self._bodies: tuple[int, Bodies] | None = None
+        self._watchers: list[Callable[[], None]] = []
         self._measure_reaches()
         self._measure_gaps()
 
@@ -135,6 +137,14 @@ class World:
             raise ValueError(f"{duration_s} s is no whole number of steps of {self.step_s} s")
         return round(steps)
 
+    def watch(self, look: Callable[[], None]) -> None:
+        """Have `look` called after every step, for sensors that are faster than the LiDAR."""
+        self._watchers.append(look)
+
+    def random(self, vessel: int) -> Generator:
+        """Give a new stream of random numbers, of one more sensor of a vessel."""
+        return np.random.default_rng(self._seeds[vessel].spawn(1)[0])
+
     def moor(self, vessel: int, mooring_N: Float64) -> None:
         """Hold a vessel at a place, (2,) [m], on its present heading; commands no longer count."""
         self.moored[vessel] = True
@@ -189,6 +199,8 @@ class World:
         self.state = state
         self.steps += 1
         self._measure_gaps()
+        for look in self._watchers:
+            look()
 
     def _measure_gaps(self) -> None:
         self._gaps = contacts.gaps(self.state.position_N[:, :2], self._reaches, self._obstacles)

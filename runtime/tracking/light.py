@@ -13,6 +13,7 @@ import importlib.util
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from importlib import import_module
 from importlib.machinery import PathFinder
 from types import ModuleType
@@ -21,13 +22,23 @@ from typing import Any
 
 def kalman_filter() -> Any:
     """Give the class `filterpy.kalman.KalmanFilter`."""
+    return _of_filterpy("kalman_filter", "KalmanFilter")
+
+
+def extended_kalman_filter() -> Any:
+    """Give the class `filterpy.kalman.ExtendedKalmanFilter`."""
+    return _of_filterpy("EKF", "ExtendedKalmanFilter")
+
+
+@lru_cache
+def _of_filterpy(module: str, name: str) -> Any:
     if "filterpy" not in sys.modules:
         try:
             with _bare_filterpy():
-                return import_module("filterpy.kalman.kalman_filter").KalmanFilter
+                return getattr(import_module(f"filterpy.kalman.{module}"), name)
         except (ImportError, AttributeError):
             pass
-    return import_module("filterpy.kalman").KalmanFilter
+    return getattr(import_module("filterpy.kalman"), name)
 
 
 def linear_sum_assignment() -> Any:
