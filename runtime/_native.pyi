@@ -134,6 +134,16 @@ class ShiftFinder:
         turn: float,
     ) -> Shift: ...
 
+def invert_blocks(matrix: NDArray[np.float64], size: int) -> NDArray[np.float64]: ...
+def innovations(
+    x: NDArray[np.float64],
+    P: NDArray[np.float64],
+    z: NDArray[np.float64],
+    H: NDArray[np.float64],
+    R: NDArray[np.float64],
+    gate: NDArray[np.float64],
+) -> NDArray[np.float64]: ...
+
 class Law:
     def __init__(
         self,

@@ -14,6 +14,7 @@
 #include "gather.hpp"
 #include "kernel.hpp"
 #include "shift.hpp"
+#include "small.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -162,6 +163,55 @@ twinscrew::Surroundings surroundings(const Rows2& p, const Rows2& v, const Colum
 
 nb::tuple as_tuple(const twinscrew::Contact& c) {
   return nb::make_tuple(c.harm, c.time, c.speed, c.circle, c.to_starboard);
+}
+
+using Matrix2 = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+
+nb::ndarray<nb::numpy, double> invert_blocks(Matrix2 matrix, std::size_t size) {
+  const std::size_t n = matrix.shape(0);
+  if (matrix.shape(1) != n || size < 1 || size > 8 || n % size != 0) {
+    throw std::invalid_argument("invert_blocks: a square of blocks of at most 8 rows");
+  }
+  return make_array<double>({n, n}, [&](double* out) {
+    std::fill(out, out + n * n, 0.0);
+    for (std::size_t i = 0; i < n; i += size) {
+      twinscrew::invert_symmetric(matrix.data() + i * (n + 1), out + i * (n + 1), size, n);
+    }
+  });
+}
+
+using States = nb::ndarray<const double, nb::shape<-1, 6>, nb::c_contig, nb::device::cpu>;
+using Spreads = nb::ndarray<const double, nb::shape<-1, 6, 6>, nb::c_contig, nb::device::cpu>;
+using Looks = nb::ndarray<const double, nb::shape<-1, 2, 6>, nb::c_contig, nb::device::cpu>;
+using Noises = nb::ndarray<const double, nb::shape<-1, 2, 2>, nb::c_contig, nb::device::cpu>;
+
+// (3, K, M): squared distances without and with the gate's allowance, log |S| with it.
+nb::ndarray<nb::numpy, double> innovations(States x, Spreads P, Rows2 z, Looks H, Noises R,
+                                           Column gate) {
+  const std::size_t tracks = x.shape(0), seen = z.shape(0);
+  if (P.shape(0) != tracks || H.shape(0) != seen || R.shape(0) != seen || gate.size() != seen) {
+    throw std::invalid_argument("innovations: x, P of each track, z, H, R, gate of each object");
+  }
+  const twinscrew::Predicted predicted{{x.data(), x.size()}, {P.data(), P.size()}};
+  const twinscrew::Measured measured{
+      {z.data(), z.size()}, {H.data(), H.size()}, {R.data(), R.size()}, {gate.data(), seen}};
+  return make_array<double>({3, tracks, seen}, [&](double* out) {
+    for (std::size_t k = 0; k < tracks; ++k) {
+      for (std::size_t m = 0; m < seen; ++m, ++out) {
+        const twinscrew::Innovation found = twinscrew::innovation(predicted, measured, k, m);
+        out[0] = found.strict2;
+        out[tracks * seen] = found.distance2;
+        out[2 * tracks * seen] = found.log_det;
+      }
+    }
+  });
+}
+
+void bind_tracking(nb::module_& m) {
+  m.def("invert_blocks", &invert_blocks, "matrix"_a, "size"_a,
+        "Invert a block diagonal matrix of symmetric positive definite blocks.");
+  m.def("innovations", &innovations, "x"_a, "P"_a, "z"_a, "H"_a, "R"_a, "gate"_a,
+        "How far each measurement is from what each track expects.");
 }
 
 void bind_assurance(nb::module_& m) {
@@ -313,4 +363,5 @@ NB_MODULE(_native, m) {
   bind_kernel(m);
   bind_shift(m);
   bind_assurance(m);
+  bind_tracking(m);
 }

@@ -85,7 +85,11 @@ class Displacement:
         )
 
     def measure(
-        self, before: Sight, after: Sight, expected_N: Float64, centre_N: Float64
+        self,
+        before: Sight,
+        after: Sight,
+        expected_N: tuple[float, float],
+        centre_N: tuple[float, float],
     ) -> MeasuredVelocity | None:
         """Give an object's mean velocity between two scans; None if its strips do not tell.
 
@@ -93,20 +97,20 @@ class Displacement:
         ----------
         before, after
             What the scans show of it.
-        expected_N : (2,) float64
+        expected_N : (float, float)
             Its velocity as far as it is known [m/s].
-        centre_N : (2,) float64
+        centre_N : (float, float)
             Its centre in the second scan [m]: the velocity is that of this place.
         """
         dt = (after.stamp_ns - before.stamp_ns) / NANOSECONDS_PER_SECOND
         if not 0.0 < dt <= self.settings.max_age_s:
             return None
-        north, east = expected_N.tolist()
+        north, east = expected_N
         shift = self._find(
             before.rows_N,
             after.rows_N,
             (north * dt, east * dt),
-            centre_N.tolist(),
+            centre_N,
             self.settings.turn_radps * dt,
         )
         if not shift.pairs:

@@ -40,11 +40,10 @@ def is_absorbed(track: Track, tracks: Sequence[Track], settings: LifeSettings) -
     """Tell whether an unseen track lies within the circle of a seen one: it was its piece."""
     if track.age_s == 0.0:
         return False
-    north, east = track.filter.x[:2]
+    north, east = track.x[:2]
     return any(
         other.confirmed
         and other.age_s == 0.0
-        and math.hypot(other.filter.x[0] - north, other.filter.x[1] - east)
-        <= settings.join_share * other.radius
+        and math.hypot(other.x[0] - north, other.x[1] - east) <= settings.join_share * other.radius
         for other in tracks
     )

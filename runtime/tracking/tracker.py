@@ -22,7 +22,9 @@ from twinscrew.runtime.messages.types import (
     Tracks,
 )
 from twinscrew.runtime.settings import Positive, Settings
-from twinscrew.runtime.tracking.association import associate
+from twinscrew.runtime.tracking.association import Association, associate
+from twinscrew.runtime.tracking.bank import FilterBank
+from twinscrew.runtime.tracking.correction import corrected
 from twinscrew.runtime.tracking.displacement import (
     Displacement,
     DisplacementSettings,
@@ -32,9 +34,9 @@ from twinscrew.runtime.tracking.displacement import (
 from twinscrew.runtime.tracking.fragments import join_fragments
 from twinscrew.runtime.tracking.life import LifeSettings, is_absorbed, is_born, lives
 from twinscrew.runtime.tracking.measurement import Measurements, MeasurementSettings, measure
-from twinscrew.runtime.tracking.motion import bias_noise, motion_noise, transition
+from twinscrew.runtime.tracking.motion import STATES, bias_noise, motion_noise, transition
 from twinscrew.runtime.tracking.radius import RadiusSettings, smoothed_radius
-from twinscrew.runtime.tracking.track import Track, doubted
+from twinscrew.runtime.tracking.track import Track
 
 
 class TrackerSettings(Settings, frozen=True, kw_only=True):
@@ -68,6 +70,7 @@ class Tracker:
     def __init__(self, settings: TrackerSettings | None = None) -> None:
         self.settings = settings or TrackerSettings()
         self._displacement = Displacement(self.settings.displacement)
+        self._bank = FilterBank()
         self._next_id = 0
         self.reset()
 
@@ -120,56 +123,76 @@ class Tracker:
         if not self._tracks:
             return
         bias = self.settings.measurement
-        F = transition(dt, bias.bias_time_s)
         Q_motion = motion_noise(dt, 1.0)
         Q_unit = bias_noise(dt, bias.bias_time_s, bias.bias_along**2, bias.bias_across**2)
-        for track in self._tracks:
-            psd = self._acceleration_psd(track)
-            track.predict(dt, F, psd * Q_motion + track.radius**2 * Q_unit)
+        x, P = self._states()
+        radius = _floats([track.radius for track in self._tracks])
+        Q = self._acceleration_psd(x)[:, None, None] * Q_motion
+        Q += (radius**2)[:, None, None] * Q_unit
+        x, P = self._bank.predict(x, P, transition(dt, bias.bias_time_s), Q)
+        for k, track in enumerate(self._tracks):
+            track.moved_on(dt, x[k], P[k])
 
-    def _acceleration_psd(self, track: Track) -> float:
-        """Give the density of a track's acceleration [m2/s3]: rises with its speed."""
+    def _states(self) -> tuple[Float64, Float64]:
+        """Give all states and covariances, (K, 6) and (K, 6, 6)."""
+        x = np.array([track.x for track in self._tracks]).reshape(-1, STATES)
+        P = np.array([track.P for track in self._tracks]).reshape(-1, STATES, STATES)
+        return x, P
+
+    def _acceleration_psd(self, x: Float64) -> Float64:
+        """Give the density of each track's acceleration [m2/s3]: it rises with its speed."""
         settings = self.settings
-        speed2 = float(track.filter.x[2] ** 2 + track.filter.x[3] ** 2)
+        speed2 = x[:, 2] ** 2 + x[:, 3] ** 2
         share = speed2 / (speed2 + settings.under_way_mps**2)
-        return settings.rest_psd + share * (settings.acceleration_psd - settings.rest_psd)
+        psd: Float64 = settings.rest_psd + share * (settings.acceleration_psd - settings.rest_psd)
+        return psd
 
     def _joined(self, objects: Objects, odometry: Odometry) -> Objects:
         """Put together what lies within the circle of one known track."""
         known = [track for track in self._tracks if track.confirmed]
-        p_N = np.array([track.filter.x[:2] for track in known]).reshape(-1, 2)
+        if not known or len(objects.p_B) < 2:
+            return objects
+        p_N = np.array([track.x[:2] for track in known])
         p_B = (p_N - odometry.position_N[:2]) @ rotation_2d(odometry.heading)
         circle = self.settings.life.join_share * _floats([track.radius for track in known])
         return join_fragments(objects, p_B, circle)
 
     def _update(self, measured: Measurements) -> None:
-        x = np.array([track.filter.x for track in self._tracks])
-        P = np.array([track.filter.P for track in self._tracks])
+        x, P = self._states()
         found = associate(x, P, measured, self.settings.gate_sigma)
-        limit2 = self.settings.measurement.jump_sigma**2
-        for i, j, distance2 in found.pairs:
-            track = self._tracks[i]
-            velocity = self._velocity(track, measured.sights[j])
-            excess = distance2 / limit2 - 1.0
-            track.update(measured.z_N[j], measured.H[j], measured.R[j], excess, velocity)
-            track.sight = measured.sights[j]
-            track.radius = smoothed_radius(
-                track.radius, float(measured.radius[j]), self.settings.radius
-            )
-            self._confirm(track)
+        if found.pairs:
+            self._correct(x, P, measured, found)
         for j in found.new:
             self._tracks.append(self._born(measured, j))
 
+    def _correct(self, x: Float64, P: Float64, measured: Measurements, found: Association) -> None:
+        """Let each track that was seen take in what was measured of it."""
+        rows = [i for i, _, _ in found.pairs]
+        seen = [j for _, j, _ in found.pairs]
+        tracks = [self._tracks[i] for i in rows]
+        sights = [measured.sights[j] for j in seen]
+        limit2 = self.settings.measurement.jump_sigma**2
+        x, P = corrected(
+            self._bank,
+            x[rows],
+            P[rows],
+            (measured.z_N[seen], measured.H[seen], measured.R[seen]),
+            _floats([distance2 for _, _, distance2 in found.pairs]) / limit2 - 1.0,
+            [self._velocity(*pair) for pair in zip(tracks, sights, strict=True)],
+            self.settings.displacement.limit_sigma,
+        )
+        radii = measured.radius[seen].tolist()
+        for n, track in enumerate(tracks):
+            radius = smoothed_radius(track.radius, radii[n], self.settings.radius)
+            track.seen(x[n], P[n], radius, sights[n])
+            self._confirm(track)
+
     def _velocity(self, track: Track, sight: Sight) -> MeasuredVelocity | None:
         """Let a track's strips say how fast it went since it was last seen."""
-        x, P = track.filter.x, track.filter.P
-        astray = self.settings.displacement.astray * track.radius
-        if math.hypot(x[4], x[5]) > astray:
+        north, east, v_north, v_east, along, across = track.x.tolist()
+        if math.hypot(along, across) > self.settings.displacement.astray * track.radius:
             return None
-        velocity = self._displacement.measure(track.sight, sight, x[2:4], x[:2])
-        if velocity is None:
-            return None
-        return doubted(velocity, x, P, self.settings.displacement.limit_sigma)
+        return self._displacement.measure(track.sight, sight, (v_north, v_east), (north, east))
 
     def _born(self, measured: Measurements, j: int) -> Track:
         settings = self.settings
@@ -194,8 +217,8 @@ class Tracker:
 
     def _report(self, stamp_ns: int) -> Tracks:
         tracks = [track for track in self._tracks if track.confirmed]
-        x = np.array([track.filter.x for track in tracks]).reshape(-1, 6)
-        P = np.array([track.filter.P for track in tracks]).reshape(-1, 6, 6)
+        x = np.array([track.x for track in tracks]).reshape(-1, STATES)
+        P = np.array([track.P for track in tracks]).reshape(-1, STATES, STATES)
         return Tracks(
             stamp_ns=stamp_ns,
             id=np.array([track.id for track in tracks], dtype=np.int64),

@@ -5,7 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from twinscrew.runtime.tracking.association import associate, innovations
+from twinscrew.runtime._native import innovations
+from twinscrew.runtime.tracking.association import associate
 from twinscrew.runtime.tracking.displacement import Sight
 from twinscrew.runtime.tracking.measurement import NO_STRIPS, Measurements, observation_matrix
 
@@ -72,7 +73,7 @@ def test_distances_are_those_of_the_textbook():
     x, P = tracks((0, 0), (1, 2), (3, 1))
     P = P + np.array([a @ a.T for a in rng.normal(size=(3, 6, 6))])
     z = measured((0.5, 0.5), (2.0, 2.0), gate=0.2)
-    strict2, distance2, log_det = innovations(x, P, z)
+    strict2, distance2, log_det = innovations(x, P, z.z_N, z.H, z.R, z.gate)
     for k, m in itertools.product(range(3), range(2)):
         S = z.H[m] @ P[k] @ z.H[m].T + z.R[m]
         y = z.z_N[m] - z.H[m] @ x[k]
@@ -80,3 +81,12 @@ def test_distances_are_those_of_the_textbook():
         S = S + z.gate[m] * np.eye(2)
         assert distance2[k, m] == pytest.approx(y @ np.linalg.solve(S, y))
         assert log_det[k, m] == pytest.approx(np.linalg.slogdet(S)[1])
+
+
+def test_arrays_that_disagree_are_refused():
+    x, P = tracks((0, 0), (1, 2))
+    z = measured((0.5, 0.5), (2.0, 2.0))
+    with pytest.raises(ValueError, match="of each"):
+        innovations(x, P[:1].copy(), z.z_N, z.H, z.R, z.gate)
+    with pytest.raises(ValueError, match="of each"):
+        innovations(x, P, z.z_N, z.H, z.R, z.gate[:1].copy())

@@ -18,7 +18,8 @@ STILL = np.zeros(2)
 def measure(before, after, *, dt=0.1, expected=STILL, centre=CENTRE, **changes):
     finder = Displacement(DisplacementSettings(**changes))
     now = Sight(SECOND + round(dt * SECOND), np.ascontiguousarray(after))
-    return finder.measure(Sight(SECOND, np.ascontiguousarray(before)), now, expected, centre)
+    then = Sight(SECOND, np.ascontiguousarray(before))
+    return finder.measure(then, now, tuple(expected), tuple(centre))
 
 
 def moved(rows, north, east, turn=0.0, centre=CENTRE):
