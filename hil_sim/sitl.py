@@ -12,18 +12,21 @@ from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotFleet, ArduPilotSettings
 from twinscrew.hil_sim.drivers.fleet import Fleet
 from twinscrew.hil_sim.drivers.lockstep import LockstepCrew
+from twinscrew.hil_sim.drivers.processes import ProcessCrew
 from twinscrew.hil_sim.drivers.realtime import RealtimeCrew
-from twinscrew.hil_sim.drivers.voyage import DOCK_LIMIT_S, Voyage, VoyageResult
+from twinscrew.hil_sim.drivers.voyage import DOCK_LIMIT_S, Crew, Voyage, VoyageResult
 from twinscrew.hil_sim.figures import draw_trajectories
 from twinscrew.hil_sim.scenario import Scenario
+from twinscrew.hil_sim.sensors.navigation import Navigation, NavigationSettings
 from twinscrew.hil_sim.supervisor import Result
 from twinscrew.hil_sim.world import World, make_world
 from twinscrew.runtime.app.config import RecordingSettings, RuntimeConfig
 from twinscrew.runtime.app.latency import LatencySummary
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.replay import combined_sha256
-from twinscrew.runtime.app.session import read_summary
+from twinscrew.runtime.app.session import RunSummary, read_summary
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.link.datum import Datum
 from twinscrew.runtime.perception.sensor import load_sensor
@@ -54,6 +57,8 @@ class OdometrySource(Enum):
     """The `odometry` topic: what the simulated sensor measures."""
     AUTOPILOT = "autopilot"
     """What the autopilot says of its position, velocity and attitude."""
+    GPS_IMU = "gps_imu"
+    """A filter of what a simulated GPS and IMU measure, with VRX's rates and noise."""
 
 
 class SitlSettings(Settings, frozen=True):
@@ -63,9 +68,13 @@ class SitlSettings(Settings, frozen=True):
     policy: str = "ac_iqn"
     seed: int = 0
     lockstep: bool = False
+    processes: bool = False
+    """In lock-step, whether each runtime has a process of its own, led over Zenoh."""
     autopilot: AutopilotKind = AutopilotKind.TWINSCREW
     ardupilot: ArduPilotSettings = ArduPilotSettings()
     odometry: OdometrySource = OdometrySource.BUS
+    navigation: NavigationSettings = NavigationSettings()
+    """The simulated GPS and IMU; only for `odometry = "gps_imu"`."""
     write_params: bool = False
     """Whether the runtimes write the autopilots' parameters that are not what they must be."""
 
@@ -119,6 +128,10 @@ def sail(
     """
     if settings.lockstep and settings.autopilot is AutopilotKind.ARDUPILOT:
         raise ConfigError("ArduPilot runs in real time only: without --lockstep", key="autopilot")
+    if settings.processes and not settings.lockstep:
+        raise ConfigError(
+            "in real time each has its process anyway: with --lockstep", key="processes"
+        )
     world = make_world(scenario, sensor=settings.sensor, seed=settings.seed)
     folders = [folder / name for name in scenario.names] if folder else []
     configs = [
@@ -147,26 +160,19 @@ def sail(
     return report
 
 
-@dataclass(frozen=True, slots=True)
-class _Run:
-    decisions: int
-    sha256: str
-    latency: LatencySummary
-
-
 def _sail_in_step(
     world: World, configs: list[RuntimeConfig], settings: SitlSettings, progress: Progress | None
-) -> tuple[VoyageResult, list[_Run]]:
-    crew = LockstepCrew(configs, epoch_ns=world.epoch_ns)
+) -> tuple[VoyageResult, list[RunSummary]]:
+    if settings.processes:
+        with ProcessCrew(configs, epoch_ns=world.epoch_ns) as crew:
+            result = _voyage(world, crew, settings, progress).run()
+            return result, crew.summaries()
+    local = LockstepCrew(configs, epoch_ns=world.epoch_ns)
     try:
-        result = _voyage(world, crew, settings, progress).run()
+        result = _voyage(world, local, settings, progress).run()
     finally:
-        crew.close()
-    runs = [
-        _Run(vessel.outlet.decisions, vessel.outlet.sha256, vessel.latencies.summary())
-        for vessel in crew.vessels
-    ]
-    return result, runs
+        local.close()
+    return result, local.summaries()
 
 
 def _sail_in_real_time(
@@ -176,11 +182,11 @@ def _sail_in_real_time(
     settings: SitlSettings,
     progress: Progress | None,
     tell: Tell,
-) -> tuple[VoyageResult, list[_Run]]:
+) -> tuple[VoyageResult, list[RunSummary]]:
     fleet = _fleet(world, folders, settings, tell)
     with RealtimeCrew(configs, folders, fleet, tell if fleet is not None else None) as crew:
         result = _voyage(world, crew, settings, progress).run()
-    return result, [_read_run(folder) for folder in folders]
+    return result, [read_summary(folder) for folder in folders]
 
 
 def _fleet(world: World, folders: list[Path], settings: SitlSettings, tell: Tell) -> Fleet | None:
@@ -191,14 +197,22 @@ def _fleet(world: World, folders: list[Path], settings: SitlSettings, tell: Tell
 
 def _voyage(
     world: World,
-    crew: LockstepCrew | RealtimeCrew,
+    crew: Crew,
     settings: SitlSettings,
     progress: Progress | None,
 ) -> Voyage:
     scan_s = 1.0 / load_sensor(settings.sensor).rate_hz
     ours = settings.autopilot is AutopilotKind.TWINSCREW
     dock_s = DOCK_LIMIT_S if ours else ARDUPILOT_DOCK_LIMIT_S
-    return Voyage(world, crew, scan_s=scan_s, dock_limit_s=dock_s, progress=progress)
+    sensed = settings.odometry is OdometrySource.GPS_IMU
+    return Voyage(
+        world,
+        crew,
+        scan_s=scan_s,
+        dock_limit_s=dock_s,
+        progress=progress,
+        navigation=Navigation(world, settings.navigation) if sensed else None,
+    )
 
 
 def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: str) -> RuntimeConfig:
@@ -208,6 +222,7 @@ def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: str)
         sensor=settings.sensor,
         policy=str(policy.resolve()) if policy.is_file() else settings.policy,
         odometry_source=settings.odometry.value,
+        estimation=EstimationSettings(datum=DATUM, sensors=settings.navigation.place),
         mission=MissionSettings(goal_radius_m=scenario.goal_radius),
         autopilot=AutopilotSettings(
             system_id=index + 1,
@@ -220,13 +235,7 @@ def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: str)
     )
 
 
-def _read_run(folder: Path) -> _Run:
-    summary = read_summary(folder)
-    latency = LatencySummary(summary.decisions, **summary.latency_ms)
-    return _Run(summary.decisions, summary.decisions_sha256, latency)
-
-
-def _vessel_reports(result: VoyageResult, runs: Sequence[_Run]) -> tuple[VesselReport, ...]:
+def _vessel_reports(result: VoyageResult, runs: Sequence[RunSummary]) -> tuple[VesselReport, ...]:
     energy = result.log.energy_ns()
     return tuple(
         VesselReport(
@@ -235,9 +244,9 @@ def _vessel_reports(result: VoyageResult, runs: Sequence[_Run]) -> tuple[VesselR
             travel_time_s=vessel.travel_time_s,
             closest_approach_m=vessel.closest_approach_m,
             decisions=run.decisions,
-            latency=run.latency,
+            latency=LatencySummary(run.decisions, **run.latency_ms),
             energy_ns=float(energy[i]),
-            sha256=run.sha256,
+            sha256=run.decisions_sha256,
         )
         for i, (vessel, run) in enumerate(zip(result.results, runs, strict=True))
     )

@@ -38,6 +38,10 @@ def sitl(
     lockstep: Annotated[
         bool, typer.Option("--lockstep", help="In one process, as fast as it goes, determined.")
     ] = False,
+    processes: Annotated[
+        bool,
+        typer.Option("--processes", help="With --lockstep: a process a runtime, led over Zenoh."),
+    ] = False,
     max_time: Annotated[
         float | None, typer.Option(help="Time limit of the voyage [s], simulated.")
     ] = None,
@@ -84,6 +88,7 @@ def sitl(
         policy=policy,
         seed=seed,
         lockstep=lockstep,
+        processes=processes,
         autopilot=autopilot,
         ardupilot=ArduPilotSettings(
             binary=str(ardupilot_binary or ""), first_instance=ardupilot_instance

@@ -1,102 +1,105 @@
-"""Lock-step: the runtimes of all vessels in this process, each step when it is its turn.
+"""Lock-step: each vessel's runtime steps when it is its turn, and time waits until it has.
 
 The same code as on the boat, with the same bytes in and out; only the sockets and the clock are
-missing. Everything is determined by the seed.
+missing. Everything is determined by the seed, whether the runtimes live in this process or in
+others.
 """
 
 from __future__ import annotations
 
-import time
-from pathlib import Path
+from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.drivers.voyage import ODOMETRY_S
-from twinscrew.runtime.app.assemble import make_controller
-from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
-from twinscrew.runtime.app.latency import Latencies
-from twinscrew.runtime.app.outlet import Outlet
-from twinscrew.runtime.app.recorder import Recorder
-from twinscrew.runtime.app.session import inputs_of, metadata_of
-from twinscrew.runtime.app.transforms import Frames
-from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Odometry
+from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.session import RunSummary
+from twinscrew.runtime.app.stepped import SteppedRuntime
+from twinscrew.runtime.messages.types import Float64, Odometry
 
 
-class LockstepVessel:
-    """One vessel's runtime and its autopilot, joined by bytes."""
+class Stepped(Protocol):
+    """A runtime that moves only when it is told to, here or elsewhere."""
 
-    def __init__(
-        self, config: RuntimeConfig, autopilot: RoverAutopilotSettings, *, epoch_ns: int
-    ) -> None:
-        self.config = config
-        self.controller = make_controller(config)
-        self.autopilot = RoverAutopilot(autopilot, config.autopilot.system_id)
-        self.latencies = Latencies()
-        self._epoch_ns = epoch_ns
-        self._now_s = 0.0
-        self._recorder = self._open_recorder()
-        self.outlet = Outlet(
-            None,
-            self._recorder,
-            vessel=config.name,
-            frames=Frames(sensor_of(config)),
-            clock_ns=self._log_time,
-        )
+    @property
+    def engaged(self) -> bool:
+        """Whether the policy has the propellers."""
 
-    def deliver(self, topic: str, payload: bytes, now_s: float) -> None:
-        """Hand a message to the runtime, and what it commands at once to the autopilot."""
-        if topic in inputs_of(self.config):
-            self._feed(topic, payload, now_s)
+    def deliver(self, topic: str, payload: bytes, now_s: float) -> bytes:
+        """Take in a message, and give the MAVLink bytes that it makes the runtime send at once."""
 
-    def _feed(self, topic: str, payload: bytes, now_s: float) -> None:
-        self._now_s = now_s
-        begin_ns = time.perf_counter_ns()
-        self.outlet.record(topic, payload)
-        handled = self.controller.take_in(topic, payload, self._now_s)
-        if handled.decision is not None:
-            command = self.controller.command(self._now_s)
-            self.latencies.add((time.perf_counter_ns() - begin_ns) / 1e6)
-            self.autopilot.receive(command, self._now_s)
-            self.outlet.decided(handled.decision, self.controller.thrust)
-        self.outlet.happened(handled.events)
+    def exchange(self, data: bytes, now_s: float) -> bytes:
+        """Take in MAVLink bytes, and give those that answer them."""
 
-    def exchange(self, now_s: float, odometry: Odometry) -> None:
-        """Let the autopilot and the runtime talk once."""
-        self._now_s = now_s
-        controller = self.controller
-        controller.from_autopilot(self.autopilot.step(now_s, odometry), now_s)
-        for payload in controller.own_odometry():
-            self._feed("odometry", payload, now_s)
-        engagement, events = controller.supervise(now_s)
-        if engagement is not None:
-            self.outlet.record("engagement", engagement)
-            controller.take_in("engagement", engagement, now_s)
-        self.outlet.happened(events)
-        self.autopilot.receive(controller.command(now_s), now_s)
+    def summary(self) -> RunSummary:
+        """Say what happened, when the voyage is over."""
 
     def close(self) -> None:
-        """Finish the recording."""
-        if self._recorder is not None:
-            self._recorder.close()
-
-    def _log_time(self) -> int:
-        return self._epoch_ns + round(self._now_s * NANOSECONDS_PER_SECOND)
-
-    def _open_recorder(self) -> Recorder | None:
-        folder = self.config.recording.folder
-        if not folder:
-            return None
-        path = Path(folder)
-        path.mkdir(parents=True, exist_ok=True)
-        metadata = metadata_of(self.config, self.controller.core.pipeline.policy)
-        return Recorder(path / "recording", self.config.name, metadata, lossless=True)
+        """Finish the recording; closing twice is closing once."""
 
 
-class LockstepCrew:
-    """All vessels' runtimes, in this process."""
+class SteppedCrew:
+    """Runtimes and autopilots, joined by bytes in simulated time."""
 
     exchange_s = ODOMETRY_S
+
+    def __init__(
+        self,
+        runtimes: Sequence[Stepped],
+        configs: Sequence[RuntimeConfig],
+        autopilot: RoverAutopilotSettings | None = None,
+    ) -> None:
+        """Give each of the runtimes an autopilot."""
+        settings = autopilot or RoverAutopilotSettings()
+        self._runtimes = runtimes
+        self._autopilots = [
+            RoverAutopilot(settings, config.autopilot.system_id) for config in configs
+        ]
+
+    def deliver(self, vessel: int, topic: str, payload: bytes, now_s: float) -> None:
+        """See `Crew`."""
+        command = self._runtimes[vessel].deliver(topic, payload, now_s)
+        if command:
+            self._autopilots[vessel].receive(command, now_s)
+
+    def exchange(self, vessel: int, now_s: float, odometry: Odometry) -> None:
+        """See `Crew`."""
+        autopilot = self._autopilots[vessel]
+        answer = self._runtimes[vessel].exchange(autopilot.step(now_s, odometry), now_s)
+        autopilot.receive(answer, now_s)
+
+    def is_ready(self, vessel: int) -> bool:
+        """See `Crew`."""
+        return self._runtimes[vessel].engaged
+
+    def thrust_N(self) -> Float64:
+        """See `Crew`."""
+        return np.array([autopilot.thrust_command_N() for autopilot in self._autopilots])
+
+    def retire(self, vessel: int) -> None:
+        """See `Crew`."""
+        self._runtimes[vessel].close()
+
+    def keep_pace(self, now_s: float) -> None:
+        """Wait for nothing: simulated time is as fast as the machine."""
+
+    def check(self) -> None:
+        """Nothing can have died unnoticed: every step is answered."""
+
+    def summaries(self) -> list[RunSummary]:
+        """Give what each runtime says of its run, when it is over."""
+        return [runtime.summary() for runtime in self._runtimes]
+
+    def close(self) -> None:
+        """Finish all recordings."""
+        for runtime in self._runtimes:
+            runtime.close()
+
+
+class LockstepCrew(SteppedCrew):
+    """All vessels' runtimes, in this process."""
 
     def __init__(
         self,
@@ -105,36 +108,5 @@ class LockstepCrew:
         epoch_ns: int,
         autopilot: RoverAutopilotSettings | None = None,
     ) -> None:
-        settings = autopilot or RoverAutopilotSettings()
-        self.vessels = [LockstepVessel(config, settings, epoch_ns=epoch_ns) for config in configs]
-
-    def deliver(self, vessel: int, topic: str, payload: bytes, now_s: float) -> None:
-        """See `Crew`."""
-        self.vessels[vessel].deliver(topic, payload, now_s)
-
-    def exchange(self, vessel: int, now_s: float, odometry: Odometry) -> None:
-        """See `Crew`."""
-        self.vessels[vessel].exchange(now_s, odometry)
-
-    def is_ready(self, vessel: int) -> bool:
-        """See `Crew`."""
-        return self.vessels[vessel].controller.engaged
-
-    def thrust_N(self) -> Float64:
-        """See `Crew`."""
-        return np.array([vessel.autopilot.thrust_command_N() for vessel in self.vessels])
-
-    def retire(self, vessel: int) -> None:
-        """See `Crew`."""
-        self.vessels[vessel].close()
-
-    def keep_pace(self, now_s: float) -> None:
-        """Wait for nothing: simulated time is as fast as the machine."""
-
-    def check(self) -> None:
-        """Nothing can have died but this process."""
-
-    def close(self) -> None:
-        """Finish all recordings."""
-        for vessel in self.vessels:
-            vessel.close()
+        self.vessels = [SteppedRuntime(config, epoch_ns=epoch_ns) for config in configs]
+        super().__init__(self.vessels, configs, autopilot)

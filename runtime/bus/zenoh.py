@@ -136,6 +136,15 @@ class ZenohBus:
             time.sleep(_POLL_S)
         return True
 
+    @property
+    def session(self) -> zenoh.Session:
+        """Zenoh's session, for what is no topic."""
+        return self._line.session
+
+    def service_key(self, name: str) -> str:
+        """Give the key of a service in this bus's namespace."""
+        return f"{self._namespace}/{name}"
+
     def within(self, namespace: str) -> ZenohBus:
         """Give the same session as seen from another vessel's namespace."""
         return ZenohBus(self._line.settings, namespace, _line=self._line)
