@@ -109,8 +109,9 @@ class RealtimeCrew:
         self.close()
 
     def deliver(self, vessel: int, topic: str, payload: bytes, now_s: float) -> None:  # noqa: ARG002
-        """See `Crew`."""
-        self._buses[vessel].publish(topic, payload)
+        """See `Crew`; odometry that the runtime makes itself is its own to publish."""
+        if topic in inputs_of(self._configs[vessel]):
+            self._buses[vessel].publish(topic, payload)
 
     def exchange(self, vessel: int, now_s: float, odometry: Odometry) -> None:
         """See `Crew`."""

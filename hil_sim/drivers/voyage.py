@@ -13,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
+from twinscrew.hil_sim.sensors.navigation import Navigation
 from twinscrew.hil_sim.supervisor import Result, Supervisor, SupervisorSettings
 from twinscrew.hil_sim.trajectory import TrajectoryLog
 from twinscrew.hil_sim.world import World
@@ -82,6 +83,7 @@ class Voyage:
         dock_limit_s: float = DOCK_LIMIT_S,
         supervisor: SupervisorSettings | None = None,
         progress: Callable[[float, tuple[Result, ...]], None] | None = None,
+        navigation: Navigation | None = None,
     ) -> None:
         """Prepare a voyage.
 
@@ -93,6 +95,8 @@ class Voyage:
             [s] How long to wait for the autopilots.
         progress
             Called with the simulated time and the present results, every odometry tick.
+        navigation
+            The vessels' GPS and IMU, if their runtimes want them.
         """
         self._world = world
         self._crew = crew
@@ -100,6 +104,7 @@ class Voyage:
         self._dock_limit_s = dock_limit_s
         self._supervisor_settings = supervisor
         self._progress = progress
+        self._navigation = navigation
         self._vessels = range(world.scenario.vessels)
         self._log = TrajectoryLog()
         self._supervisor: Supervisor | None = None
@@ -161,6 +166,7 @@ class Voyage:
             for i, measured in odometry.items():
                 self._crew.exchange(i, self._world.time_s, measured)
             self._advance(self._crew.exchange_s)
+            self._navigate()
             self._crew.keep_pace(self._world.time_s)
         if self._supervisor is not None and self._progress is not None:
             self._progress(self._supervisor.elapsed_s, self._supervisor.results())
@@ -178,6 +184,14 @@ class Voyage:
                 self._deliver(i, "points", cdr.encode_point_cloud(world.cloud(i)))
         self._note()
         return measured
+
+    def _navigate(self) -> None:
+        """Hand on what GPS and IMU have measured meanwhile."""
+        if self._navigation is None:
+            return
+        for sensed in self._navigation.take():
+            if not self._ended(sensed.vessel):
+                self._deliver(*sensed)
 
     def _deliver(self, vessel: int, topic: str, payload: bytes) -> None:
         self._crew.deliver(vessel, topic, payload, self._world.time_s)

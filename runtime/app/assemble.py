@@ -6,7 +6,12 @@ from twinscrew.runtime.app.config import RuntimeConfig, autopilot_of, sensor_of
 from twinscrew.runtime.app.controller import Controller
 from twinscrew.runtime.app.core import Core
 from twinscrew.runtime.app.mission import Mission
-from twinscrew.runtime.app.odometry_source import Alignment, AutopilotOdometry
+from twinscrew.runtime.app.odometry_source import (
+    Alignment,
+    AutopilotOdometry,
+    GpsImuOdometry,
+    OdometrySource,
+)
 from twinscrew.runtime.app.pipeline import Pipeline
 from twinscrew.runtime.link.autopilot import AutopilotLink
 from twinscrew.runtime.perception.stage import Perception
@@ -49,6 +54,13 @@ def expected_of_policies(config: RuntimeConfig) -> PolicyExpectation:
 def make_controller(config: RuntimeConfig) -> Controller:
     """Make everything of a vessel's runtime but its sockets and its clock."""
     link = AutopilotLink(autopilot_of(config))
-    own = config.odometry_source == "autopilot"
-    source = AutopilotOdometry(link, Alignment(config.alignment)) if own else None
-    return Controller(make_core(config), link, source)
+    return Controller(make_core(config), link, odometry_source(config, link))
+
+
+def odometry_source(config: RuntimeConfig, link: AutopilotLink) -> OdometrySource | None:
+    """Make what odometry comes from; None if that is the bus."""
+    if config.odometry_source == "autopilot":
+        return AutopilotOdometry(link, Alignment(config.alignment))
+    if config.odometry_source == "gps_imu":
+        return GpsImuOdometry(config.estimation)
+    return None

@@ -16,6 +16,7 @@ from twinscrew.runtime.app.odometry_buffer import OdometryBufferSettings
 from twinscrew.runtime.app.odometry_source import AlignmentSettings
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
 from twinscrew.runtime.perception.stage import PerceptionSettings
@@ -47,8 +48,9 @@ class RuntimeConfig(Settings, frozen=True):
     policy: str = "ac_iqn"
     """A name in config/policies, an ONNX file, "apf" or "mpc"."""
     risk: RiskSettings = RiskSettings()
-    odometry_source: Literal["bus", "autopilot"] = "bus"
-    """Where odometry comes from: the `odometry` topic, or LOCAL_POSITION_NED and ATTITUDE."""
+    odometry_source: Literal["bus", "autopilot", "gps_imu"] = "bus"
+    """Where odometry comes from: the `odometry` topic, the autopilot's own estimate, or a filter
+    here of the `gps` and `imu` topics."""
     command_rate_hz: Positive = 20.0
     """[Hz] The thrust is re-sent this often (parameters.md: 20 Hz)."""
     thrust: ThrustLimits = ThrustLimits()
@@ -60,6 +62,7 @@ class RuntimeConfig(Settings, frozen=True):
     odometry: OdometryBufferSettings = OdometryBufferSettings()
     alignment: AlignmentSettings = AlignmentSettings()
     bus: ZenohSettings = ZenohSettings()
+    estimation: EstimationSettings = EstimationSettings()
     autopilot: AutopilotSettings = AutopilotSettings()
     ground: GroundSettings = GroundSettings()
     recording: RecordingSettings = RecordingSettings()
@@ -88,7 +91,7 @@ def sensor_of(config: RuntimeConfig) -> Sensor:
 def autopilot_of(config: RuntimeConfig) -> AutopilotSettings:
     """Give the link's settings: as configured, and asking for odometry if it is the source."""
     settings = config.autopilot
-    if config.odometry_source == "bus" or settings.state_hz > 0.0:
+    if config.odometry_source != "autopilot" or settings.state_hz > 0.0:
         return settings
     return replace(settings, state_hz=TOPICS["odometry"].rate_hz)
 

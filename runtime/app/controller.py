@@ -12,12 +12,14 @@ from dataclasses import dataclass, replace
 
 from twinscrew.runtime.app.core import Core
 from twinscrew.runtime.app.health import Facts, Health, State
-from twinscrew.runtime.app.odometry_source import AutopilotOdometry
+from twinscrew.runtime.app.odometry_source import SENSED, OdometrySource
+from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.link.autopilot import AutopilotLink
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.types import Decision, Engagement, Float64, HealthEvent
 from twinscrew.runtime.safety.events import (
+    BAD_MESSAGE,
     GUARD_TRIPPED,
     INTERNAL_ERROR,
     LIDAR_STALE,
@@ -50,9 +52,9 @@ class Controller:
     """Core, watchdog, guard, health and autopilot link of one vessel."""
 
     def __init__(
-        self, core: Core, link: AutopilotLink, odometry: AutopilotOdometry | None = None
+        self, core: Core, link: AutopilotLink, odometry: OdometrySource | None = None
     ) -> None:
-        """Join them; `odometry` is given if the autopilot is where it comes from."""
+        """Join them; `odometry` is given if it does not come over the bus."""
         self.core = core
         self.link = link
         self._odometry = odometry
@@ -82,12 +84,17 @@ class Controller:
         return self._engaged
 
     def take_in(self, topic: str, payload: bytes, now_s: float) -> Handled:
-        """Feed one message of a core input topic to the core; never raises on its content."""
+        """Feed one message to the core, or a sensor's to where odometry is made of it.
+
+        It never raises on the message's content.
+        """
+        if topic in SENSED:
+            return self._sense(topic, payload, now_s)
         scan_before_ns = self.core.scan_ns
         outcome = self.core.feed(topic, payload)
         scan_ns = self.core.scan_ns
         if self._odometry is not None and scan_ns is not None and scan_ns != scan_before_ns:
-            self._odometry.alignment.scan_came(scan_ns, now_s)
+            self._odometry.scan_came(scan_ns, now_s)
         if outcome.stamp_ns is not None:
             self._watchdog.seen(topic, outcome.stamp_ns, now_s)
         events = outcome.events
@@ -111,11 +118,11 @@ class Controller:
 
     @property
     def has_own_odometry(self) -> bool:
-        """Whether odometry comes from the autopilot."""
+        """Whether odometry is made here, of other messages."""
         return self._odometry is not None
 
     def own_odometry(self) -> list[bytes]:
-        """Give the odometry that the autopilot's words have made, to be fed to the core."""
+        """Give the odometry that was made since the last call, to be fed to the core."""
         return [] if self._odometry is None else self._odometry.payloads()
 
     def supervise(self, now_s: float) -> tuple[bytes | None, tuple[HealthEvent, ...]]:
@@ -159,6 +166,16 @@ class Controller:
         if not self._engaged or self._fault or self.decision is None:
             return NEUTRAL
         return self.decision.thrust
+
+    def _sense(self, topic: str, payload: bytes, now_s: float) -> Handled:
+        events: tuple[HealthEvent, ...] = ()
+        if self._odometry is not None:
+            try:
+                events = self._odometry.sense(topic, payload)
+            except MessageError as error:
+                events = (BAD_MESSAGE.at(self.stamp_ns, f"{topic}: {error}"),)
+        self.note(events, now_s)
+        return Handled(None, events)
 
     @property
     def _has_goal(self) -> bool:

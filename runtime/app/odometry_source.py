@@ -1,17 +1,18 @@
-"""Odometry from the autopilot, in the LiDAR's time.
+"""Where odometry comes from if not from the bus: the autopilot, or GPS and IMU.
 
-The core puts scans and odometry in order by their stamps, so both must be of one clock. The
-autopilot's state comes with the loop's monotonic time (`runtime/link/boot_clock.py`); scans come
-with the stamps of the LiDAR's driver. Two rules, one of which is configured:
+Either way it is encoded as the `odometry` topic, recorded, and fed to the core like a message from
+the bus, so that a replay needs neither clock nor filter.
+
+The core puts scans and odometry in order by their stamps, so both must be of one clock. GPS and IMU
+are stamped by the LiDAR's, or one that is synchronised with it. The autopilot's state comes with
+the loop's monotonic time (`runtime/link/boot_clock.py`); scans come with the stamps of the LiDAR's
+driver. Two rules, one of which is configured:
 
 - `arrival`: stamp and arrival of every scan give the clocks' difference, latency included. The
   median of the last ten seconds counts: a late or wrongly stamped scan moves nothing, and drift is
   followed. The latency that is known (`lidar_latency_s`) is taken out.
 - `system`: stamps are this machine's wall clock (a LiDAR synchronised by PTP or NTP, or stamped by
   a driver on board), whose difference to the monotonic clock is known exactly.
-
-What comes out is encoded as the `odometry` topic, recorded, and fed to the core like a message
-from the bus, so that a replay needs neither clock.
 """
 
 from __future__ import annotations
@@ -21,11 +22,12 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from statistics import median_low
-from typing import Literal
+from typing import Literal, Protocol
 
+from twinscrew.runtime.estimation.estimator import EstimationSettings, Estimator
 from twinscrew.runtime.link.autopilot import AutopilotLink
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND
+from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, HealthEvent
 from twinscrew.runtime.settings import NonNegative, Settings
 
 WINDOW = 101
@@ -75,12 +77,43 @@ class Alignment:
         return None if self.difference_ns is None else loop_ns + self.difference_ns
 
 
+class OdometrySource(Protocol):
+    """Makes odometry of what comes in."""
+
+    def scan_came(self, stamp_ns: int, now_s: float) -> None:
+        """Take a scan's stamp, and the loop's time when it came."""
+
+    def sense(self, topic: str, payload: bytes) -> tuple[HealthEvent, ...]:
+        """Take a message of one of `SENSED`; give what an operator should know.
+
+        Raises
+        ------
+        MessageError
+            It is not the message that it should be.
+        """
+
+    def payloads(self) -> list[bytes]:
+        """Give the messages of the `odometry` topic that were made since the last call."""
+
+
+SENSED = ("gps", "imu")
+"""The topics that odometry is made of."""
+
+
 class AutopilotOdometry:
     """What the autopilot tells of its state, as messages of the `odometry` topic."""
 
     def __init__(self, link: AutopilotLink, alignment: Alignment) -> None:
         self._link = link
         self.alignment = alignment
+
+    def scan_came(self, stamp_ns: int, now_s: float) -> None:
+        """See `OdometrySource`."""
+        self.alignment.scan_came(stamp_ns, now_s)
+
+    def sense(self, topic: str, payload: bytes) -> tuple[HealthEvent, ...]:  # noqa: ARG002
+        """See `OdometrySource`: the autopilot needs no help."""
+        return ()
 
     def payloads(self) -> list[bytes]:
         """Give what has come since the last call; nothing before the first scan."""
@@ -90,3 +123,29 @@ class AutopilotOdometry:
             if stamp_ns is not None:
                 messages.append(cdr.encode_odometry(replace(odometry, stamp_ns=stamp_ns)))
         return messages
+
+
+class GpsImuOdometry:
+    """What a filter makes of GPS and IMU, as messages of the `odometry` topic."""
+
+    def __init__(self, settings: EstimationSettings) -> None:
+        self._estimator = Estimator(settings)
+        self._made: list[bytes] = []
+
+    def scan_came(self, stamp_ns: int, now_s: float) -> None:
+        """See `OdometrySource`: all sensors' clocks are the same."""
+
+    def sense(self, topic: str, payload: bytes) -> tuple[HealthEvent, ...]:
+        """See `OdometrySource`."""
+        if topic == "gps":
+            self._estimator.fix(cdr.decode_fix(payload))
+        else:
+            odometry = self._estimator.imu(cdr.decode_imu(payload))
+            if odometry is not None:
+                self._made.append(cdr.encode_odometry(odometry))
+        return self._estimator.take_events()
+
+    def payloads(self) -> list[bytes]:
+        """See `OdometrySource`."""
+        made, self._made = self._made, []
+        return made

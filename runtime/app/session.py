@@ -14,6 +14,7 @@ from twinscrew.runtime.app.assemble import make_controller
 from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
 from twinscrew.runtime.app.ground import GroundReport
 from twinscrew.runtime.app.loop import Loop
+from twinscrew.runtime.app.odometry_source import SENSED
 from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.app.transforms import Frames
@@ -30,8 +31,10 @@ SUMMARY_FILE = "runtime.json"
 
 def inputs_of(config: RuntimeConfig) -> tuple[str, ...]:
     """Give the topics that a runtime listens to."""
-    own = config.odometry_source == "autopilot"
-    return tuple(topic for topic in INPUTS if topic != "odometry" or not own)
+    if config.odometry_source == "bus":
+        return INPUTS
+    rest = tuple(topic for topic in INPUTS if topic != "odometry")
+    return (*rest, *SENSED) if config.odometry_source == "gps_imu" else rest
 
 
 class RunSummary(msgspec.Struct, frozen=True, kw_only=True):
