@@ -9,7 +9,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: help setup setup-dev sitl test test-fast check format lint types imports bench train \
-        fuzz wheel clean native determinism accept
+        fuzz wheel docs clean native determinism accept
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -28,7 +28,7 @@ test: setup-dev $(VENV)/.browser  ## run the whole test suite
 test-fast: setup-dev  ## run the tests that take less than ten seconds each
 	$(BIN)/pytest -m "not slow"
 
-check: format lint types imports test  ## everything that keeps us honest: format to tests
+check: format lint types imports docs test  ## everything that keeps us honest: format to tests
 
 format: setup-dev  ## check the formatting
 	$(BIN)/ruff format --check .
@@ -65,6 +65,10 @@ fuzz: setup-dev  ## fuzz decoder and kernels, FUZZ_S seconds each of three (defa
 wheel: setup-dev  ## build the boat's wheel (runtime alone) and try it in a bare environment
 	bash deploy/wheel.sh
 
+docs: setup-dev  ## build the documentation site into build/docs/site; no link may be broken
+	$(BIN)/python docs/site/stage.py
+	$(BIN)/zensical build --strict
+
 clean:  ## remove the environment, builds and runs
 	rm -rf $(VENV) build dist runs
 
@@ -88,7 +92,7 @@ $(VENV)/.browser: $(VENV)/bin/python
 	@touch $@
 
 $(VENV)/.installed-dev: $(VENV)/bin/python pyproject.toml constraints.txt
-	$(INSTALL) -e ".[sim,train,dev]" \
+	$(INSTALL) -e ".[sim,train,dev,docs]" \
 		$$($(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"])') \
 		cmake ninja
 	@touch $@ $(VENV)/.installed $(VENV)/.built

@@ -49,12 +49,15 @@ class LazyGroup(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
         """Import a command, or describe it if only the help is wanted."""
-        entry = _installed().get(cmd_name)
-        if entry is None:
-            return None
-        if _help_of_all_is_wanted():
+        if _help_of_all_is_wanted() and cmd_name in _installed():
             return _as_command(_described(cmd_name), cmd_name)
-        return _as_command(_load(entry), cmd_name)
+        return find_command(cmd_name)
+
+
+def find_command(name: str) -> Any:
+    """Import a command and give it as click has it; None if it is not installed."""
+    entry = _installed().get(name)
+    return None if entry is None else _as_command(_load(entry), name)
 
 
 def main() -> NoReturn:
