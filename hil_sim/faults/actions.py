@@ -116,7 +116,7 @@ def _hang(send: Callable[[signal.Signals], None]) -> Action:
 
 
 def _cut(rig: Rig, given: Cut) -> Action:
-    return Action(lambda: rig.proxy.cut(silently=given.silently), rig.proxy.mend)
+    return Action(lambda: rig.proxy.cut(silently=given.silently), lambda: rig.proxy.mend())
 
 
 def _hog(given: Hog) -> Action:

@@ -14,6 +14,7 @@ from twinscrew.runtime.app.ground import GroundSettings
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.odometry_buffer import OdometryBufferSettings
 from twinscrew.runtime.app.odometry_source import AlignmentSettings
+from twinscrew.runtime.app.priority import PrioritySettings
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.estimation.estimator import EstimationSettings
@@ -65,6 +66,7 @@ class RuntimeConfig(Settings, frozen=True):
     estimation: EstimationSettings = EstimationSettings()
     autopilot: AutopilotSettings = AutopilotSettings()
     ground: GroundSettings = GroundSettings()
+    priority: PrioritySettings = PrioritySettings()
     recording: RecordingSettings = RecordingSettings()
 
     def __post_init__(self) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from twinscrew.runtime.app.freshness import Freshness
 from twinscrew.runtime.app.odometry_buffer import (
     Arrival,
     OdometryBuffer,
@@ -33,6 +34,8 @@ from twinscrew.runtime.safety.events import (
     INTERNAL_ERROR,
     ODOMETRY_JUMP,
     ODOMETRY_MISSING,
+    INPUT_FROZEN,
+    INPUT_LATE,
     OUT_OF_ORDER,
 )
 
@@ -63,6 +66,8 @@ class Core:
         self._engaged = False
         self._last_scan_ns: int | None = None
         self._latest_ns = 0
+        self._max_lag_s = settings.max_lag_s
+        self._freshness = Freshness()
         self._distrust_until_ns: int | None = None
         self._doors: dict[str, Callable[[bytes], Outcome]] = {
             "points": lambda payload: self._scan(cdr.decode_point_cloud(payload)),
@@ -121,6 +126,8 @@ class Core:
             events = (ODOMETRY_JUMP.at(stamp_ns, f"to north {north:.1f} m, east {east:.1f} m"),)
         self._latest_ns = stamp_ns
         return Outcome(stamp_ns=stamp_ns, events=events)
+        if self._freshness.odometry_repeats(odometry):
+            return Outcome(events=(INPUT_FROZEN.at(self._latest_ns, "odometry"),))
 
     def _scan(self, cloud: PointCloud) -> Outcome:
         stamp_ns = cloud.stamp_ns
@@ -145,10 +152,16 @@ class Core:
         if self._distrust_until_ns is not None and stamp_ns >= self._distrust_until_ns:
             self._distrust_until_ns = None
         return self._distrust_until_ns is None
+        lag_s = seconds_between(stamp_ns, self._latest_ns)
 
     def _restart(self, topic: str, stamp_ns: int) -> HealthEvent:
         self.pipeline.reset()
         self._last_scan_ns = None
         self._distrust_until_ns = None
+        if not events and lag_s > self._max_lag_s:
+            late = INPUT_LATE.at(stamp_ns, f"a scan {lag_s:.2f} s older than the odometry")
+            return Outcome(events=(late,))
+        if self._freshness.scan_repeats(cloud, odometry):
+            return Outcome(events=(*events, INPUT_FROZEN.at(stamp_ns, "points")))
         back_s = seconds_between(stamp_ns, self._latest_ns)
         return CLOCK_BACK.at(stamp_ns, f"{topic}: {back_s:.3f} s before the last message")

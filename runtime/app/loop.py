@@ -7,11 +7,11 @@ heartbeat: if it dies, the autopilot's failsafe stops the boat.
 
 from __future__ import annotations
 
-import gc
 import time
 from collections.abc import Callable
 
 from twinscrew.runtime.app.controller import Controller
+from twinscrew.runtime.app.garbage import Garbage
 from twinscrew.runtime.app.ground import GroundReport
 from twinscrew.runtime.app.latency import Latencies
 from twinscrew.runtime.app.notify import ServiceManager
@@ -48,6 +48,9 @@ class Loop:
         """From the sender's put to the command on the socket; true between synchronised clocks."""
         self.overruns = 0
         self._controller = controller
+        """[-] Decisions that came too late."""
+        self.missed_ticks = 0
+        """[-] Ticks of the grid that passed while the loop was held up."""
         self._inbox = inbox
         self._transport = transport
         self._outlet = outlet
@@ -60,16 +63,15 @@ class Loop:
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Work until `stop` says so, then leave the propellers at rest."""
-        gc.collect()
-        gc.freeze()  # what start-up made is never looked at again
-        while not stop():
-            for message in self._inbox.wait(self._next_tick_s - self._clock()):
-                self._compute(message)
-            if self._clock() >= self._next_tick_s:
-                self._tick()
+        with Garbage() as garbage:
+            while not stop():
+                for message in self._inbox.wait(self._next_tick_s - self._clock()):
+                    self._compute(message)
+                if self._clock() >= self._next_tick_s:
+                    self._tick()
+                    garbage.collect(self._clock())
         self._manager.stopping()
         self._send(self._controller.rest(self._clock()))
-        gc.unfreeze()
 
     def _compute(self, message: Received) -> None:
         if message.topic == "points" and self._controller.has_own_odometry:
@@ -109,8 +111,12 @@ class Loop:
         self._next_tick_s += self._period_s
         if self._next_tick_s <= now_s:  # late by a whole tick: drop it, keep the grid
             behind = int((now_s - self._next_tick_s) / self._period_s) + 1
+            late_ms = (now_s - self._next_tick_s + self._period_s) * 1e3
             self._next_tick_s += behind * self._period_s
 
+            self.missed_ticks += behind
+            detail = f"a tick {late_ms:.0f} ms late, {behind} missed"
+            self._happened(OVERRUN.at(self._controller.stamp_ns, detail))
     def _note_latency(self, message: Received) -> float:
         latency_ms = (time.monotonic_ns() - message.received_ns) / NANOSECONDS_PER_MS
         self.latencies.add(latency_ms)
@@ -118,7 +124,9 @@ class Loop:
             self.wire_latencies.add((time.time_ns() - message.sent_ns) / NANOSECONDS_PER_MS)
         if latency_ms > OVERRUN_MS:
             self.overruns += 1
-            self._happened(OVERRUN.at(self._controller.stamp_ns, f"{latency_ms:.0f} ms"))
+            self._happened(
+                OVERRUN.at(self._controller.stamp_ns, f"a decision after {latency_ms:.0f} ms")
+            )
         return latency_ms
 
     def _receive(self) -> bytes:

@@ -21,6 +21,8 @@ class OdometryBufferSettings(Settings, frozen=True):
 
     max_extrapolation_s: Positive = 0.2
     """[s] A scan newer than the last odometry by more than this is not used."""
+    max_lag_s: Positive = 0.4
+    """[s] Nor is one older than it by more than this: the greatest age of a scan (topics.py)."""
     max_speed_mps: Positive = 10.0
     """[m/s] A position that moves faster than this (and a metre of slack) has jumped."""
     clock_back_s: Positive = 1.0

@@ -27,7 +27,12 @@ from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.policy.observation import ObservationSettings, observe
 from twinscrew.runtime.safety.assurance import Assurance
-from twinscrew.runtime.safety.events import GOAL_MISSING, PERCEPTION_ERROR, POLICY_ERROR
+from twinscrew.runtime.safety.events import (
+    GOAL_MISSING,
+    PERCEPTION_ERROR,
+    POLICY_ERROR,
+    TRACKS_FORGOTTEN,
+)
 from twinscrew.runtime.safety.guard import NEUTRAL, Guard
 from twinscrew.runtime.tracking.tracker import Tracker
 
@@ -74,6 +79,8 @@ class Pipeline:
         events: list[HealthEvent] = []
         objects = self._perceive(cloud, odometry, events)
         tracks = self.tracker.step(objects, odometry)
+        if self.tracker.note:
+            events.append(TRACKS_FORGOTTEN.at(cloud.stamp_ns, self.tracker.note))
         free = self._may_sail(odometry, engaged, events)
         seen = self._sail(odometry, tracks, events) if free else None
         self._thrust, tripped = self.guard.check(self._thrust, cloud.stamp_ns)

@@ -24,6 +24,7 @@ from twinscrew.runtime.errors import ConfigError, RecordingError
 from twinscrew.runtime.link.reopening import reopening
 from twinscrew.runtime.link.transport import await_transport
 from twinscrew.runtime.policy.base import Policy
+from twinscrew.runtime.safety.events import PRIORITY_REFUSED
 
 INPUTS = ("points", "odometry", "goal")
 SUMMARY_FILE = "runtime.json"
@@ -48,6 +49,11 @@ class RunSummary(msgspec.Struct, frozen=True, kw_only=True):
     wire_latency_ms: dict[str, float]
     """From the sender's Zenoh put to the MAVLink bytes on the socket."""
     overruns: int
+    """Decisions that came too late."""
+    missed_ticks: int = 0
+    """Ticks of the loop's grid that passed while it was held up."""
+    priority_refused: tuple[str, ...] = ()
+    """What the system did not allow of the priority and cores that were asked for."""
     passed_over: dict[str, int]
     """Messages that newer ones replaced before they were read."""
     unrecorded: int
@@ -93,10 +99,24 @@ class Session:
     """A context: everything is open inside it."""
 
     def __init__(
-        self, config: RuntimeConfig, *, source: Path, stop: Callable[[], bool] = lambda: False
+        self,
+        config: RuntimeConfig,
+        *,
+        source: Path,
+        stop: Callable[[], bool] = lambda: False,
+        refused: tuple[str, ...] = (),
     ) -> None:
-        """Prepare a run; `stop` ends the wait for an autopilot that is not there yet."""
+        """Prepare a run.
+
+        Parameters
+        ----------
+        stop
+            Ends the wait for an autopilot that is not there yet.
+        refused
+            What of the priority the system did not give (`priority.take`): it is told.
+        """
         self._stop = stop
+        self._refused = refused
         self._config = config
         self._source = source
         self._folder = Path(config.recording.folder) if config.recording.folder else None
@@ -127,6 +147,8 @@ class Session:
             latency_ms=self.loop.latencies.summary().as_dict(),
             wire_latency_ms=self.loop.wire_latencies.summary().as_dict(),
             overruns=self.loop.overruns,
+            missed_ticks=self.loop.missed_ticks,
+            priority_refused=self._refused,
             passed_over=dict(self._inbox.passed_over),
             unrecorded=self._recorder.dropped if self._recorder else 0,
         )
@@ -159,6 +181,9 @@ class Session:
             rate_hz=config.command_rate_hz,
             ground=GroundReport(config.ground),
         )
+        if self._refused:
+            told = PRIORITY_REFUSED.at(controller.stamp_ns, "; ".join(self._refused))
+            self._outlet.happened((told,))
 
     def _open_recorder(self, policy: Policy) -> Recorder | None:
         if self._folder is None:

@@ -92,7 +92,9 @@ class Listener:
         drove = self.authority.drives
         armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
         self.authority.heard(message.custom_mode, armed, now_s)
-        if drove and not self.authority.drives:
+        if self.authority.drives:
+            self.obedience.confirmed(now_s)
+        elif drove:
             self.obedience.reset()
 
     def _on_servo_output(self, message: Message, now_s: float) -> None:

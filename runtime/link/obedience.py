@@ -2,11 +2,14 @@
 
 ArduPilot ignores overrides of a system it does not listen to (SYSID_MYGCS) without a word, and
 RC_CHANNELS may show values long past. So the outputs are compared with what was commanded within
-the last moments: the link has a delay, and the thrust may be on its way.
+the last moments: the link has a delay, and the thrust may be on its way. And when a pilot takes the
+boat the outputs stop at once, but the heartbeat that says so comes up to a second later: it is
+waited for.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 Pair = tuple[int, int]
@@ -36,6 +39,7 @@ class Obedience:
         """Forget everything, as when somebody else drove."""
         self._commands: deque[tuple[float, Pair]] = deque()
         self._differs_since_s: float | None = None
+        self._confirmed_s = -math.inf
         self.obeying: bool | None = None
         """True if the outputs follow, False if not, None while that is unproven: the outputs
         never left stop, so that nobody can tell."""
@@ -47,6 +51,10 @@ class Obedience:
         self._commands.append((now_s, pair))
         while len(self._commands) > 1 and self._commands[1][0] < now_s - self._delay_s:
             self._commands.popleft()  # one older than the delay stays: it acted when it began
+
+    def confirmed(self, now_s: float) -> None:
+        """Note that the autopilot says we drive: outputs that differ are nobody else's doing."""
+        self._confirmed_s = now_s
 
     def measured(self, outputs: Pair, stop: int, now_s: float) -> None:
         """Judge the outputs that SERVO_OUTPUT_RAW tells; `stop` [us] proves nothing."""
@@ -60,7 +68,8 @@ class Obedience:
             return
         if self._differs_since_s is None:
             self._differs_since_s = now_s
-        if now_s - self._differs_since_s >= self._patience_s:
+        since_s = self._differs_since_s
+        if now_s - since_s >= self._patience_s and self._confirmed_s > since_s:
             self.obeying = False
 
     def _explained(self, outputs: Pair) -> bool:

@@ -47,6 +47,11 @@ ODOMETRY_MISSING = _warning(
 CLOCK_BACK = _error(
     "clock_back", "The inputs' time went back: all is forgotten, thrust starts from zero."
 )
+INPUT_FROZEN = _warning("input_frozen", "A sensor repeats what it said before: no sign of life.")
+INPUT_LATE = _warning("input_late", "A scan is too much older than the odometry: it is not used.")
+TRACKS_FORGOTTEN = _warning(
+    "tracks_forgotten", "The scans' time jumped: what is around has to be found again."
+)
 OUT_OF_ORDER = _warning("out_of_order", "A message older than the last one is dropped.")
 BAD_MESSAGE = _warning("bad_message", "Bytes that are not the message they should be: dropped.")
 POLICY_ERROR = _error("policy_error", "The policy failed or answered nonsense: neutral thrust.")
@@ -61,7 +66,12 @@ GOAL_MISSING = _info("goal_missing", "There is no goal: neutral thrust.")
 GOAL_SET = _info("goal_set", "A new goal was accepted.")
 WAYPOINT_REACHED = _info("waypoint_reached", "A waypoint is reached; the next one is the goal.")
 GOAL_REACHED = _info("goal_reached", "The last goal is reached: neutral thrust.")
-OVERRUN = _warning("overrun", "A decision took longer than the time between two scans.")
+OVERRUN = _warning(
+    "overrun", "A decision took longer than the time between two scans, or a tick was missed."
+)
+PRIORITY_REFUSED = _info(
+    "priority_refused", "The system does not give the priority or the cores that were asked for."
+)
 STATE = _info("state", "The vessel's state changed.")
 LINK_DOWN = _error(
     "link_down", "The connection to the autopilot broke: it is opened again, neutral thrust."

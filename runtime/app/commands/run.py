@@ -26,9 +26,13 @@ def run(
 
 def sail(config: RuntimeConfig, stop: threading.Event, *, source: Path) -> None:
     """Open everything, loop until `stop` is set, close everything, and write the summary."""
+    from twinscrew.runtime.app.priority import take
     from twinscrew.runtime.app.session import Session
 
-    with Session(config, source=source, stop=stop.is_set) as session:
+    refused = take(config.priority)
+    for words in refused:
+        print(f"{config.name}: ordinary priority: {words}", file=sys.stderr, flush=True)
+    with Session(config, source=source, stop=stop.is_set, refused=refused) as session:
         print(f"{config.name}: running", file=sys.stderr, flush=True)
         session.loop.run(stop.is_set)
     summary = session.write_summary()

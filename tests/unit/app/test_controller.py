@@ -63,6 +63,25 @@ def test_losing_an_input_stops_the_boat_in_half_a_second(topic, event, how) -> N
     assert not boat.moves
 
 
+def test_scans_that_come_a_second_late_are_no_sign_of_life() -> None:
+    boat = under_way()
+    late: list[bytes] = []
+
+    def slow(topic, payload):
+        if topic != "points":
+            return (payload,)
+        late.append(payload)
+        return (late.pop(0),) if len(late) > 10 else ()
+
+    boat.line = slow
+    lost_s = boat.now_s
+    boat.sail(4.0)
+    assert boat.stopped_by(lost_s) <= LIMIT_S
+    assert boat.controller.state is State.SAFE
+    assert not boat.moves
+    assert boat.names.count("input_late") > 20
+
+
 @pytest.mark.parametrize("topic", ["points", "odometry"])
 def test_an_input_that_comes_back_lets_the_boat_sail_on_without_a_restart(topic) -> None:
     boat = under_way()
@@ -150,6 +169,7 @@ def test_a_pilots_mode_change_wins_and_is_not_undone() -> None:
     assert boat.stopped_by(taken_s) <= 2 * TICK_S
     assert boat.autopilot.rover.mode is Mode.HOLD
     assert "mode_taken" in boat.names
+    assert "override_ignored" not in boat.names
     assert boat.controller.state is State.READY
     boat.autopilot.rover.set_mode(Mode.MANUAL)
     boat.sail(2.0)
@@ -164,6 +184,7 @@ def test_a_boat_that_was_disarmed_stays_disarmed() -> None:
     boat.sail(8.0)
     assert not boat.autopilot.rover.armed
     assert "autopilot_disarmed" in boat.names
+    assert "override_ignored" not in boat.names
     assert boat.controller.state is State.READY
     assert boat.policy.asked == asked
 

@@ -112,6 +112,7 @@ def test_commands_go_out_twenty_times_a_second_without_drift() -> None:
     sends = np.array(rig.line.sends[:-1])
     assert len(sends) == pytest.approx(1200, abs=1)
     np.testing.assert_allclose(sends, 100.0 + 0.05 * np.arange(len(sends)), atol=1e-6)
+    assert rig.loop.missed_ticks == 0
 
 
 def test_a_loop_that_was_held_up_drops_ticks_and_keeps_the_grid() -> None:
@@ -123,6 +124,8 @@ def test_a_loop_that_was_held_up_drops_ticks_and_keeps_the_grid() -> None:
     rig.run(1.0)
     phase = np.array(rig.line.sends[1:-1]) / 0.05 % 1.0
     assert len(phase) > 15
+    assert rig.loop.missed_ticks > 5
+    assert any("missed" in event.detail for event in rig.events if event.name == "overrun")
     np.testing.assert_allclose(np.minimum(phase, 1.0 - phase), 0.0, atol=1e-6)
 
 

@@ -152,3 +152,9 @@ def test_a_reset_forgets_tracks_thrust_and_the_policys_memory() -> None:
 def test_the_same_scans_give_the_same_decisions() -> None:
     first, second = (sail(make_pipeline(Steady((30.0, 70.0))), 0.0, 3.0) for _ in range(2))
     assert thrusts(first) == thrusts(second)
+
+
+def test_a_gap_after_which_everything_is_forgotten_is_told() -> None:
+    pipeline = make_pipeline(Steady())
+    sail(pipeline, 0.0, 1.0)
+    assert names(sail(pipeline, 11.0, 11.5)) == ["tracks_forgotten"]

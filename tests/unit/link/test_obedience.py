@@ -3,13 +3,18 @@ from twinscrew.runtime.link.obedience import Obedience
 STOP = 1500
 
 
-def watch(commands, outputs, *, period_s=0.05, seconds=3.0):
-    """Run both functions of time side by side at 20 Hz; gives the verdict."""
+def watch(commands, outputs, *, period_s=0.05, seconds=3.0, heartbeats=True):
+    """Run both functions of time side by side at 20 Hz; gives the verdict.
+
+    Every second a heartbeat says that we drive.
+    """
     obedience = Obedience(tolerance_us=5, delay_s=0.5, patience_s=0.5)
     for k in range(round(seconds / period_s)):
         now_s = k * period_s
         obedience.commanded(commands(now_s), now_s)
         obedience.measured(outputs(now_s), STOP, now_s)
+        if heartbeats and k % 20 == 0:
+            obedience.confirmed(now_s)
     return obedience.obeying
 
 
@@ -31,6 +36,10 @@ def test_outputs_that_follow_late_and_roughly_still_obey():
 
 def test_outputs_that_stay_at_stop_disobey():
     assert watch(ramp, stop) is False
+
+
+def test_before_a_heartbeat_says_that_we_still_drive_a_pilot_may_have_the_boat():
+    assert watch(ramp, stop, heartbeats=False) is None
 
 
 def test_one_propeller_that_does_not_follow_is_enough():
