@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.training import runs
 
+Grouping = Literal["algorithm", "folder"]
 QUANTITIES = {
     "cumulative_reward": "cumulative reward [-]",
     "success": "success rate [-]",
@@ -33,8 +34,16 @@ class Curve(NamedTuple):
     seeds: int
 
 
-def find_runs(folders: Iterable[Path]) -> dict[str, list[Path]]:
-    """Give the run directories in and below some folders, by their algorithms.
+def find_runs(folders: Iterable[Path], by: Grouping = "algorithm") -> dict[str, list[Path]]:
+    """Give the run directories in and below some folders.
+
+    Parameters
+    ----------
+    folders
+        Where to look.
+    by
+        What makes runs seeds of one: their algorithm, or the folder that they lie in, as `train`
+        names it after the configuration.
 
     Raises
     ------
@@ -48,7 +57,8 @@ def find_runs(folders: Iterable[Path]) -> dict[str, list[Path]]:
             raise ConfigError("no training run here", file=folder)
         for file in files:
             told = json.loads(file.read_text(encoding="utf-8"))
-            name = told["settings"]["agent"]["algorithm"]
+            algorithm = told["settings"]["agent"]["algorithm"]
+            name = algorithm if by == "algorithm" else file.resolve().parent.parent.name
             found.setdefault(name, []).append(file.parent)
     return found
 
@@ -69,10 +79,22 @@ def learning_curve(folders: Iterable[Path], quantity: str) -> Curve:
     return Curve(grid, values.mean(axis=0), spread / np.sqrt(len(series)), len(series))
 
 
-def _series(folder: Path, quantity: str) -> tuple[Float64, Float64]:
+def evaluations(folder: Path) -> list[dict[str, Any]]:
+    """Give the evaluations that a run has logged.
+
+    Raises
+    ------
+    ConfigError
+        There is none yet.
+    """
     records = [r for r in runs.read_records(folder / runs.LOG) if r["event"] == "evaluation"]
     if not records:
         raise ConfigError("has not been evaluated yet", file=folder / runs.LOG)
+    return records
+
+
+def _series(folder: Path, quantity: str) -> tuple[Float64, Float64]:
+    records = evaluations(folder)
     if quantity not in records[0]:
         raise ConfigError(
             "not logged: a run of an older version", file=folder / runs.LOG, key=quantity

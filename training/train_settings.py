@@ -99,9 +99,9 @@ def _read(file: Path, depth: int = 0) -> dict[str, Any]:
     base = values.pop("extends", None)
     if base is None:
         return values
-    if not isinstance(base, str) or depth > 3:
+    if not isinstance(base, str) or depth > 8:
         raise ConfigError(f"expected the name of a file beside this one, got {base!r}", file=file)
-    under = _read(file.with_name(base), depth + 1)
+    under = _read(file.parent / base, depth + 1)
     names = [table.get("agent", {}).get("algorithm") for table in (under, values)]
     if names[1] is not None and names[0] != names[1]:
         del under["agent"]

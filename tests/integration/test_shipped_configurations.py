@@ -12,7 +12,7 @@ from twinscrew.training.logs import Progress
 from twinscrew.training.train import Training
 from twinscrew.training.train_settings import Phase, load_training
 
-FILES = sorted((CONFIG_DIR / "training").glob("*.toml"))
+FILES = sorted((CONFIG_DIR / "training").rglob("*.toml"))
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)

@@ -24,6 +24,7 @@ READERS = {
     "sea/*": lambda path: load(path, SeaSettings),
     "scenarios/*": load_scenario,
     "training/*": load_training,
+    "training/ablation/*": load_training,
     "vessels/*_shape.toml": load_shape,
     "vessels/wam_v_3dof.toml": lambda path: load(path, VesselParameters),
     "vessels/*": load_vessel,

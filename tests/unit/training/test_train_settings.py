@@ -26,7 +26,7 @@ def test_little_is_needed(tmp_path):
     assert settings.discount == 0.99
 
 
-@pytest.mark.parametrize("file", sorted((CONFIG_DIR / "training").glob("*.toml")), ids=str)
+@pytest.mark.parametrize("file", sorted((CONFIG_DIR / "training").rglob("*.toml")), ids=str)
 def test_every_shipped_configuration_can_be_read(file):
     assert load_training(file).phases
 
