@@ -1,11 +1,5 @@
 // Python bindings of the vessel: check the arguments, release the GIL, call the pure C++ core.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-
-#include <algorithm>
-#include <cmath>
-#include <stdexcept>
-
+#include "arrays.hpp"
 #include "vessel_step.hpp"
 
 namespace nb = nanobind;
@@ -13,22 +7,6 @@ using namespace nb::literals;
 
 namespace twinscrew::vessel {
 namespace {
-
-template <typename T, nb::ssize_t... shape>
-using Array = nb::ndarray<T, nb::numpy, nb::shape<shape...>, nb::c_contig, nb::device::cpu>;
-template <nb::ssize_t... shape>
-using In = Array<const double, shape...>;
-template <nb::ssize_t... shape>
-using Out = Array<double, shape...>;
-
-void require(bool condition, const char* message) {
-  if (!condition) throw std::invalid_argument(message);
-}
-
-template <typename A>
-bool finite(const A& a) {
-  return std::all_of(a.data(), a.data() + a.size(), [](double x) { return std::isfinite(x); });
-}
 
 Vec3 vec3(const double* a) { return {a[0], a[1], a[2]}; }
 

@@ -1,11 +1,5 @@
 // Python bindings: check the arguments, release the GIL, call the pure C++ core.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-
-#include <algorithm>
-#include <cmath>
-#include <stdexcept>
-
+#include "arrays.hpp"
 #include "raycast.hpp"
 
 namespace nb = nanobind;
@@ -14,21 +8,10 @@ using namespace nb::literals;
 namespace twinscrew {
 namespace {
 
-template <typename T, nb::ssize_t... shape>
-using Array = nb::ndarray<T, nb::numpy, nb::shape<shape...>, nb::c_contig, nb::device::cpu>;
-using Vector = Array<const double, -1>;
-using Vectors3 = Array<const double, -1, 3>;
-using Matrices3 = Array<const double, -1, 3, 3>;
+using Vector = In<-1>;
+using Vectors3 = In<-1, 3>;
+using Matrices3 = In<-1, 3, 3>;
 using Numbers = Array<const std::int32_t, -1>;
-
-void require(bool condition, const char* message) {
-  if (!condition) throw std::invalid_argument(message);
-}
-
-template <typename A>
-bool finite(const A& a) {
-  return std::all_of(a.data(), a.data() + a.size(), [](double x) { return std::isfinite(x); });
-}
 
 Pose pose(const double* R, const double* p) {
   Pose X;
@@ -65,17 +48,14 @@ std::size_t add_shape(Caster& caster, Numbers kinds, Vectors3 centres, Matrices3
   return caster.add_shape(std::move(shape));
 }
 
-void mount(Caster& caster, std::size_t own_shape, Array<const double, 3> p_BS,
-           Array<const double, 3, 3> R_BS) {
+void mount(Caster& caster, std::size_t own_shape, In<3> p_BS, In<3, 3> R_BS) {
   require(own_shape < caster.shapes(), "no such shape");
   caster.mount(own_shape, pose(R_BS.data(), p_BS.data()));
 }
 
-std::size_t cast(Caster& caster, Array<const double, 3> p_NS, Array<const double, 3, 3> R_NS,
-                 Numbers shapes, Vectors3 p_NO, Matrices3 R_NO, Vector water_z, std::size_t own,
-                 Array<std::int32_t, -1> beam,
-                 Array<double, -1> distance,
-                 Array<std::int32_t, -1> body) {
+std::size_t cast(Caster& caster, In<3> p_NS, In<3, 3> R_NS, Numbers shapes, Vectors3 p_NO,
+                 Matrices3 R_NO, Vector water_z, std::size_t own, Array<std::int32_t, -1> beam,
+                 Out<-1> distance, Array<std::int32_t, -1> body) {
   const std::size_t count = shapes.size();
   const std::size_t beams = caster.beams().rows() * caster.beams().columns();
   require(p_NO.shape(0) == count && R_NO.shape(0) == count && water_z.size() == count,
