@@ -14,6 +14,7 @@ from twinscrew.runtime.app.odometry_source import (
 )
 from twinscrew.runtime.app.pipeline import Pipeline
 from twinscrew.runtime.link.autopilot import AutopilotLink
+from twinscrew.runtime.link.stations import Stations
 from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.policy.metadata import PolicyExpectation
@@ -53,7 +54,10 @@ def expected_of_policies(config: RuntimeConfig) -> PolicyExpectation:
 
 def make_controller(config: RuntimeConfig) -> Controller:
     """Make everything of a vessel's runtime but its sockets and its clock."""
-    link = AutopilotLink(autopilot_of(config))
+    autopilot = autopilot_of(config)
+    us = (autopilot.system_id, autopilot.component_id)
+    stations = Stations(config.ground.orders, autopilot.datum, us)
+    link = AutopilotLink(autopilot, stations=stations)
     return Controller(make_core(config), link, odometry_source(config, link))
 
 

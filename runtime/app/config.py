@@ -16,8 +16,8 @@ from twinscrew.runtime.app.odometry_buffer import OdometryBufferSettings
 from twinscrew.runtime.app.odometry_source import AlignmentSettings
 from twinscrew.runtime.app.priority import PrioritySettings
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
-from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.estimation.estimator import EstimationSettings
+from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
 from twinscrew.runtime.perception.stage import PerceptionSettings
@@ -62,8 +62,8 @@ class RuntimeConfig(Settings, frozen=True):
     assurance: AssuranceSettings = AssuranceSettings()
     odometry: OdometryBufferSettings = OdometryBufferSettings()
     alignment: AlignmentSettings = AlignmentSettings()
-    bus: ZenohSettings = ZenohSettings()
     estimation: EstimationSettings = EstimationSettings()
+    bus: ZenohSettings = ZenohSettings()
     autopilot: AutopilotSettings = AutopilotSettings()
     ground: GroundSettings = GroundSettings()
     priority: PrioritySettings = PrioritySettings()
@@ -76,6 +76,8 @@ class RuntimeConfig(Settings, frozen=True):
             raise ValueError(f"thrust.min_n must be in [{-paddles.astern_N:g}, 0] N")
         if self.thrust.max_n > paddles.ahead_N:
             raise ValueError(f"thrust.max_n must be in [0, {paddles.ahead_N:g}] N")
+        if self.ground.vessels_hz > 0.0 and self.autopilot.datum is None:
+            raise ValueError("ground.vessels_hz needs autopilot.datum: vessels lie on the earth")
 
 
 def sensor_of(config: RuntimeConfig) -> Sensor:

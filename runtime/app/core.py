@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from twinscrew.runtime.app.freshness import Freshness
 from twinscrew.runtime.app.odometry_buffer import (
     Arrival,
@@ -23,6 +25,7 @@ from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
     Decision,
     Engagement,
+    Float64,
     Goal,
     HealthEvent,
     Odometry,
@@ -31,11 +34,11 @@ from twinscrew.runtime.messages.types import (
 from twinscrew.runtime.safety.events import (
     BAD_MESSAGE,
     CLOCK_BACK,
+    INPUT_FROZEN,
+    INPUT_LATE,
     INTERNAL_ERROR,
     ODOMETRY_JUMP,
     ODOMETRY_MISSING,
-    INPUT_FROZEN,
-    INPUT_LATE,
     OUT_OF_ORDER,
 )
 
@@ -63,16 +66,17 @@ class Core:
         settings = odometry or OdometryBufferSettings()
         self._odometry = OdometryBuffer(settings)
         self._clock_back_s = settings.clock_back_s
+        self._max_lag_s = settings.max_lag_s
+        self._freshness = Freshness()
         self._engaged = False
         self._last_scan_ns: int | None = None
         self._latest_ns = 0
-        self._max_lag_s = settings.max_lag_s
-        self._freshness = Freshness()
         self._distrust_until_ns: int | None = None
         self._doors: dict[str, Callable[[bytes], Outcome]] = {
             "points": lambda payload: self._scan(cdr.decode_point_cloud(payload)),
             "odometry": lambda payload: self._add_odometry(cdr.decode_odometry(payload)),
             "goal": lambda payload: self._set_goal(cdr.decode_goal(payload)),
+            "route": lambda payload: self._set_route(*cdr.decode_path(payload)),
             "engagement": lambda payload: self._engage(cdr.decode_engagement(payload)),
         }
 
@@ -80,6 +84,11 @@ class Core:
     def latest_ns(self) -> int:
         """[ns] The stamp of the last scan or odometry that was in order: what time it is."""
         return self._latest_ns
+
+    @property
+    def odometry(self) -> Odometry | None:
+        """The last odometry that was in order."""
+        return self._odometry.newest
 
     @property
     def scan_ns(self) -> int | None:
@@ -110,8 +119,15 @@ class Core:
     def _set_goal(self, goal: Goal) -> Outcome:
         return Outcome(stamp_ns=goal.stamp_ns, events=(self.pipeline.set_goal(goal),))
 
+    def _set_route(self, stamp_ns: int, places_N: Float64) -> Outcome:
+        if not np.isfinite(places_N).all():
+            raise MessageError("a place is not finite")
+        return Outcome(stamp_ns=stamp_ns, events=(self.pipeline.set_route(places_N, stamp_ns),))
+
     def _add_odometry(self, odometry: Odometry) -> Outcome:
         stamp_ns = odometry.stamp_ns
+        if self._freshness.odometry_repeats(odometry):
+            return Outcome(events=(INPUT_FROZEN.at(self._latest_ns, "odometry"),))
         arrival = self._odometry.add(odometry)
         events: tuple[HealthEvent, ...] = ()
         if arrival is Arrival.OLD:
@@ -126,8 +142,6 @@ class Core:
             events = (ODOMETRY_JUMP.at(stamp_ns, f"to north {north:.1f} m, east {east:.1f} m"),)
         self._latest_ns = stamp_ns
         return Outcome(stamp_ns=stamp_ns, events=events)
-        if self._freshness.odometry_repeats(odometry):
-            return Outcome(events=(INPUT_FROZEN.at(self._latest_ns, "odometry"),))
 
     def _scan(self, cloud: PointCloud) -> Outcome:
         stamp_ns = cloud.stamp_ns
@@ -138,11 +152,17 @@ class Core:
                 return Outcome(events=(late,))
             self._odometry.clear()
             events = (self._restart("points", stamp_ns),)
+        lag_s = seconds_between(stamp_ns, self._latest_ns)
         self._last_scan_ns = self._latest_ns = stamp_ns
         odometry = self._odometry.at(stamp_ns)
         if odometry is None:
             missing = ODOMETRY_MISSING.at(stamp_ns)
             return Outcome(events=(*events, missing))
+        if not events and lag_s > self._max_lag_s:
+            late = INPUT_LATE.at(stamp_ns, f"a scan {lag_s:.2f} s older than the odometry")
+            return Outcome(events=(late,))
+        if self._freshness.scan_repeats(cloud, odometry):
+            return Outcome(events=(*events, INPUT_FROZEN.at(stamp_ns, "points")))
         decision = self.pipeline.step(
             cloud, odometry, engaged=self._engaged and self._trusts(stamp_ns)
         )
@@ -152,16 +172,10 @@ class Core:
         if self._distrust_until_ns is not None and stamp_ns >= self._distrust_until_ns:
             self._distrust_until_ns = None
         return self._distrust_until_ns is None
-        lag_s = seconds_between(stamp_ns, self._latest_ns)
 
     def _restart(self, topic: str, stamp_ns: int) -> HealthEvent:
         self.pipeline.reset()
         self._last_scan_ns = None
         self._distrust_until_ns = None
-        if not events and lag_s > self._max_lag_s:
-            late = INPUT_LATE.at(stamp_ns, f"a scan {lag_s:.2f} s older than the odometry")
-            return Outcome(events=(late,))
-        if self._freshness.scan_repeats(cloud, odometry):
-            return Outcome(events=(*events, INPUT_FROZEN.at(stamp_ns, "points")))
         back_s = seconds_between(stamp_ns, self._latest_ns)
         return CLOCK_BACK.at(stamp_ns, f"{topic}: {back_s:.3f} s before the last message")

@@ -1,12 +1,17 @@
-"""Tells ground stations what the boat sees, at a rate they can use."""
+"""Tells ground stations what the boat sees and does, at a rate they can use."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
+from twinscrew.runtime.app.announcements import Announcements
+from twinscrew.runtime.link.datum import Datum
 from twinscrew.runtime.link.ground import named_value, obstacle_distance, sector_distances_cm
+from twinscrew.runtime.link.orders import OrderSettings
+from twinscrew.runtime.link.vessels import ais_vessels
 from twinscrew.runtime.link.wire import Message
-from twinscrew.runtime.messages.types import Decision
+from twinscrew.runtime.messages.types import Decision, HealthEvent, Severity
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
 
 FORGOTTEN_S = 0.5
@@ -14,13 +19,20 @@ FORGOTTEN_S = 0.5
 
 
 class GroundSettings(Settings, frozen=True):
-    """What is told to ground stations, through the autopilot."""
+    """What is told to ground stations, through the autopilot, and what they may order."""
 
+    orders: OrderSettings = OrderSettings()
+    texts: bool = True
+    """Whether health events are told in plain words (STATUSTEXT)."""
     obstacles_hz: NonNegative = 0.0
     """[Hz] OBSTACLE_DISTANCE, every object of the newest scan; 0: none. ArduPilot forgets after
     half a second: 5 is enough."""
     obstacle_range_m: Positive = 100.0
     """[m] Farther away nothing is told."""
+    vessels_hz: NonNegative = 0.0
+    """[Hz] AIS_VESSEL, each vessel that is tracked; 0: none. Needs autopilot.datum; 1 is enough."""
+    vessel_speed_mps: Positive = 0.5
+    """[m/s] Slower objects are not told as vessels (paper, sec. IV: slower is not a vehicle)."""
     latency_hz: NonNegative = 0.0
     """[Hz] NAMED_VALUE_FLOAT "latency_ms": from a scan's arrival to its command; 0: none."""
 
@@ -28,9 +40,17 @@ class GroundSettings(Settings, frozen=True):
 class GroundReport:
     """Knows when to tell what."""
 
-    def __init__(self, settings: GroundSettings | None = None) -> None:
+    def __init__(
+        self,
+        settings: GroundSettings | None = None,
+        datum: Datum | None = None,
+        system_id: int = 1,
+    ) -> None:
         self._settings = settings or GroundSettings()
-        self._obstacles_s = self._latency_s = -math.inf
+        self._datum = datum
+        self._system_id = system_id
+        self._announcements = Announcements()
+        self._obstacles_s = self._latency_s = self._vessels_s = -math.inf
         self._decision: Decision | None = None
         self._decided_s = -math.inf
         self._latency_ms: float | None = None
@@ -38,6 +58,20 @@ class GroundReport:
     def decided(self, decision: Decision, latency_ms: float, now_s: float) -> None:
         """Take a decision, and how long it took."""
         self._decision, self._decided_s, self._latency_ms = decision, now_s, latency_ms
+
+    def happened(self, events: Iterable[HealthEvent], now_s: float) -> None:
+        """Take health events, to be told in plain words."""
+        if self._settings.texts:
+            self._announcements.happened(events, now_s)
+
+    def complain(self, words: Iterable[str]) -> None:
+        """Tell whoever gave an order that it was refused, and why."""
+        for text in words:
+            self._announcements.say(text, Severity.WARNING)
+
+    def texts(self) -> list[tuple[str, Severity]]:
+        """Give what is to be said now."""
+        return self._announcements.take()
 
     def due(self, now_s: float) -> list[Message]:
         """Give the messages to send now; none once the decisions have stopped."""
@@ -50,6 +84,10 @@ class GroundReport:
             objects, range_m = decision.objects, settings.obstacle_range_m
             distances = sector_distances_cm(objects.p_B, objects.radius, range_m)
             messages.append(obstacle_distance(distances, range_m, now_s))
+        if self._datum is not None and _is_due(self._vessels_s, settings.vessels_hz, now_s):
+            self._vessels_s = now_s
+            tracks, least = decision.tracks, settings.vessel_speed_mps
+            messages += ais_vessels(tracks, self._datum, self._system_id, least)
         if self._latency_ms is not None and _is_due(self._latency_s, settings.latency_hz, now_s):
             self._latency_s = now_s
             messages.append(named_value("latency_ms", self._latency_ms, now_s))

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from twinscrew.runtime.app.controller import Controller
 from twinscrew.runtime.app.garbage import Garbage
 from twinscrew.runtime.app.ground import GroundReport
+from twinscrew.runtime.app.ground_desk import GroundDesk
 from twinscrew.runtime.app.latency import Latencies
 from twinscrew.runtime.app.notify import ServiceManager
 from twinscrew.runtime.app.outlet import Outlet
@@ -21,7 +22,13 @@ from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.errors import LinkError
 from twinscrew.runtime.link.transport import Transport
 from twinscrew.runtime.messages.types import HealthEvent
-from twinscrew.runtime.safety.events import LINK_DOWN, LINK_RESTORED, OVERRUN, RECORDER
+from twinscrew.runtime.safety.events import (
+    LINK_DOWN,
+    LINK_RESTORED,
+    MESSAGES_MISSING,
+    OVERRUN,
+    RECORDER,
+)
 
 NANOSECONDS_PER_MS = 1e6
 OVERRUN_MS = 100.0
@@ -47,14 +54,14 @@ class Loop:
         self.wire_latencies = Latencies()
         """From the sender's put to the command on the socket; true between synchronised clocks."""
         self.overruns = 0
-        self._controller = controller
         """[-] Decisions that came too late."""
         self.missed_ticks = 0
         """[-] Ticks of the grid that passed while the loop was held up."""
+        self._controller = controller
         self._inbox = inbox
         self._transport = transport
         self._outlet = outlet
-        self._ground = ground or GroundReport()
+        self._desk = GroundDesk(controller, ground or GroundReport())
         self._period_s = 1.0 / rate_hz
         self._clock = clock
         self._next_tick_s = clock()
@@ -81,9 +88,9 @@ class Loop:
         if handled.decision is not None:
             self._send(self._controller.command(self._clock()))
             latency_ms = self._note_latency(message)
-            self._ground.decided(handled.decision, latency_ms, self._clock())
+            self._desk.report.decided(handled.decision, latency_ms, self._clock())
             self._outlet.decided(handled.decision, self._controller.thrust)
-        self._outlet.happened(handled.events)
+        self._tell(handled.events)
 
     def _tick(self) -> None:
         now_s = self._clock()
@@ -93,9 +100,9 @@ class Loop:
         if engagement is not None:
             self._outlet.engaged(engagement)
             self._controller.take_in("engagement", engagement, now_s)
-        self._controller.link.tell(self._ground.due(now_s))
+        self._desk.serve(self._feed, now_s)
         self._send(self._controller.command(now_s))
-        self._outlet.happened(events)
+        self._tell(events)
         self._outlet.thrust(self._controller.thrust)
         self._look_at_the_recorder()
         self._manager.alive(now_s, self._controller.state.value)
@@ -105,18 +112,18 @@ class Loop:
         for payload in self._controller.own_odometry():
             self._outlet.own_odometry(payload)
             handled = self._controller.take_in("odometry", payload, now_s)
-            self._outlet.happened(handled.events)
+            self._tell(handled.events)
 
     def _keep_time(self, now_s: float) -> None:
         self._next_tick_s += self._period_s
         if self._next_tick_s <= now_s:  # late by a whole tick: drop it, keep the grid
-            behind = int((now_s - self._next_tick_s) / self._period_s) + 1
             late_ms = (now_s - self._next_tick_s + self._period_s) * 1e3
+            behind = int((now_s - self._next_tick_s) / self._period_s) + 1
             self._next_tick_s += behind * self._period_s
-
             self.missed_ticks += behind
             detail = f"a tick {late_ms:.0f} ms late, {behind} missed"
             self._happened(OVERRUN.at(self._controller.stamp_ns, detail))
+
     def _note_latency(self, message: Received) -> float:
         latency_ms = (time.monotonic_ns() - message.received_ns) / NANOSECONDS_PER_MS
         self.latencies.add(latency_ms)
@@ -158,4 +165,13 @@ class Loop:
 
     def _happened(self, event: HealthEvent) -> None:
         self._controller.note((event,), self._clock())
-        self._outlet.happened((event,))
+        self._tell((event,))
+
+    def _feed(self, topic: str, payload: bytes) -> None:
+        """Hand the core what a ground station ordered, as if it had come over the bus."""
+        self._outlet.record(topic, payload)
+        self._tell(self._controller.take_in(topic, payload, self._clock()).events)
+
+    def _tell(self, events: tuple[HealthEvent, ...]) -> None:
+        self._outlet.happened(events)
+        self._desk.report.happened(events, self._clock())

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.messages.types import Goal, HealthEvent, Odometry
+from twinscrew.runtime.messages.types import Float64, Goal, HealthEvent, Odometry
 from twinscrew.runtime.safety.events import GOAL_REACHED, GOAL_SET, WAYPOINT_REACHED
 from twinscrew.runtime.settings import Positive, Settings
 
@@ -16,7 +17,7 @@ class MissionSettings(Settings, frozen=True):
     """Where to go."""
 
     waypoints_m: tuple[tuple[float, float], ...] = ()
-    """[m] [N] Goals in order, each (north, east); more may come over the goal topic."""
+    """[m] [N] Goals in order, each (north, east); more may come over the topics."""
     goal_radius_m: Positive = 2.0
     """[m] A goal is reached within this distance (parameters.md: 2.0 m)."""
     hold_station: bool = False
@@ -31,11 +32,10 @@ class Mission:
         for north_east in self._settings.waypoints_m:
             if not all(math.isfinite(value) for value in north_east):
                 raise ConfigError(f"not finite: {north_east!r}", key="mission.waypoints_m")
-        self._goals = [
-            Goal(stamp_ns=0, position_N=np.array(north_east))
-            for north_east in self._settings.waypoints_m
-        ]
+        self._goals = _goals(self._settings.waypoints_m, 0)
         self._index = 0
+        self.orders = 0
+        """[-] Counts the orders: whoever gave the last one knows by it whether it still holds."""
         self.arrived = False
 
     @property
@@ -43,11 +43,25 @@ class Mission:
         """The goal to head for, reached or not; None if there is none."""
         return self._goals[self._index] if self._goals else None
 
+    @property
+    def reached(self) -> int:
+        """[-] How many goals of the last order have been reached."""
+        return self._index + self.arrived
+
     def set_goal(self, goal: Goal) -> HealthEvent:
         """Replace all goals by one."""
-        self._goals, self._index, self.arrived = [goal], 0, False
+        self._begin([goal])
         north, east = goal.position_N
         return GOAL_SET.at(goal.stamp_ns, f"north {north:.1f} m, east {east:.1f} m")
+
+    def set_route(self, places_N: Float64, stamp_ns: int) -> HealthEvent:
+        """Replace all goals by these, (K, 2) [m] [N]; by none at all to stop."""
+        self._begin(_goals(places_N.tolist(), stamp_ns))
+        if not self._goals:
+            return GOAL_SET.at(stamp_ns, "none: all were taken back")
+        north, east = self._goals[-1].position_N
+        where = f"the last at north {north:.1f} m, east {east:.1f} m"
+        return GOAL_SET.at(stamp_ns, f"{len(self._goals)} in a row, {where}")
 
     def step(self, odometry: Odometry) -> HealthEvent | None:
         """Look where the vessel is; give an event when it reaches a goal."""
@@ -67,3 +81,11 @@ class Mission:
             return WAYPOINT_REACHED.at(odometry.stamp_ns, detail)
         self.arrived = True
         return GOAL_REACHED.at(odometry.stamp_ns, detail)
+
+    def _begin(self, goals: list[Goal]) -> None:
+        self._goals, self._index, self.arrived = goals, 0, False
+        self.orders += 1
+
+
+def _goals(places: Sequence[Sequence[float]], stamp_ns: int) -> list[Goal]:
+    return [Goal(stamp_ns=stamp_ns, position_N=np.array(place)) for place in places]

@@ -49,6 +49,11 @@ class OdometryBuffer:
         self._settings = settings or OdometryBufferSettings()
         self._samples: deque[Odometry] = deque(maxlen=HISTORY)
 
+    @property
+    def newest(self) -> Odometry | None:
+        """The last message that was in order."""
+        return self._samples[-1] if self._samples else None
+
     def clear(self) -> None:
         """Forget everything."""
         self._samples.clear()

@@ -92,6 +92,10 @@ class Pipeline:
         """Replace all goals by one."""
         return self.mission.set_goal(goal)
 
+    def set_route(self, places_N: Float64, stamp_ns: int) -> HealthEvent:
+        """Replace all goals by these, (K, 2) [m] [N], to be sailed to in a row; by none to stop."""
+        return self.mission.set_route(places_N, stamp_ns)
+
     def warm_up(self) -> None:
         """Ask the policy once for nothing: its first answer takes longest."""
         blank = Observation(

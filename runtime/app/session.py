@@ -26,7 +26,7 @@ from twinscrew.runtime.link.transport import await_transport
 from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.safety.events import PRIORITY_REFUSED
 
-INPUTS = ("points", "odometry", "goal")
+INPUTS = ("points", "odometry", "goal", "route")
 SUMMARY_FILE = "runtime.json"
 
 
@@ -179,7 +179,7 @@ class Session:
             transport,
             self._outlet,
             rate_hz=config.command_rate_hz,
-            ground=GroundReport(config.ground),
+            ground=GroundReport(config.ground, link.datum, link.system_id),
         )
         if self._refused:
             told = PRIORITY_REFUSED.at(controller.stamp_ns, "; ".join(self._refused))

@@ -21,6 +21,7 @@ from twinscrew.runtime.link.modes import mode_name
 from twinscrew.runtime.link.paddling import RELEASED, STOP, LettingGo, Pair, Thrust, paddles
 from twinscrew.runtime.link.settings import AutopilotSettings
 from twinscrew.runtime.link.signing import Signing, read_key
+from twinscrew.runtime.link.stations import Stations
 from twinscrew.runtime.link.status import AutopilotStatus
 from twinscrew.runtime.link.wire import Message, Wire
 from twinscrew.runtime.messages.types import HealthEvent, Odometry, Severity
@@ -37,6 +38,8 @@ class AutopilotLink:
         Who, how, and what we may do without being asked.
     signing
         Overrides `signing_key_file`; for tests that bring their own clock.
+    stations
+        Takes what ground stations say to us; None: nobody listens to them.
 
     Raises
     ------
@@ -44,11 +47,18 @@ class AutopilotLink:
         The signing key cannot be used.
     """
 
-    def __init__(self, settings: AutopilotSettings, *, signing: Signing | None = None) -> None:
+    def __init__(
+        self,
+        settings: AutopilotSettings,
+        *,
+        signing: Signing | None = None,
+        stations: Stations | None = None,
+    ) -> None:
         if signing is None and settings.signing_key_file:
             signing = Signing(read_key(Path(settings.signing_key_file)))
         self.settings = settings
         self.wire = Wire(settings.system_id, settings.component_id, signing)
+        self.stations = stations
         self._listener = Listener(settings)
         self._conditions = Conditions()
         self._letting_go = LettingGo()
@@ -59,6 +69,7 @@ class AutopilotLink:
             )
         ]
         self._outbox: list[Message] = []
+        self._texts = 0
         self._now_s = self._beat_s = self._commanded_s = -math.inf
         self._first_command_s = math.inf
 
@@ -69,6 +80,8 @@ class AutopilotLink:
             if self._listener.take(message, now_s):
                 for stream in self._streams:
                     stream.heard(message.get_msgId(), now_s)
+            elif self.stations is not None:
+                self.stations.take(message, now_s)
 
     def tick(self, now_s: float) -> bytes:
         """Give what keeps the conversation going: heartbeat, requests, texts.
@@ -84,6 +97,8 @@ class AutopilotLink:
             messages.append(commands.heartbeat())
         if self._listener.connected(now_s):
             messages += self._requests(now_s)
+        if self.stations is not None:
+            messages += self.stations.due(now_s)
         if self._commanded_s == -math.inf:
             self._commanded_s = now_s
         late = now_s - self._commanded_s > commands.COMMAND_STALE_S
@@ -132,7 +147,8 @@ class AutopilotLink:
 
     def say(self, text: str, severity: Severity = Severity.INFO) -> None:
         """Send a text to the ground station (STATUSTEXT) with the next tick."""
-        self._outbox += commands.statustext(text, severity)
+        self._texts += 1
+        self._outbox += commands.statustext(text, severity, self._texts)
 
     def tell(self, messages: Iterable[Message]) -> None:
         """Send messages with the next tick; the autopilot hands them on to ground stations."""

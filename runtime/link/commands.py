@@ -23,6 +23,7 @@ LEFT, RIGHT = 1, 3
 _IGNORE = 65535
 _TEXT_LENGTH = 50
 """[bytes] One STATUSTEXT."""
+_NUMBERS = 65_536
 _SEVERITIES = {
     Severity.INFO: mavlink.MAV_SEVERITY_INFO,
     Severity.WARNING: mavlink.MAV_SEVERITY_WARNING,
@@ -88,14 +89,27 @@ def streams(
     return wanted
 
 
-def statustext(text: str, severity: Severity) -> list[Message]:
-    """Give the messages that carry a text of any length, 50 bytes each."""
+def statustext(text: str, severity: Severity, number: int) -> list[Message]:
+    """Give the messages that carry a text of any length, 50 bytes each.
+
+    Parameters
+    ----------
+    number
+        Another one for each text: it joins the chunks of a long one. Its last chunk is shorter than
+        50 bytes, if need be empty: so a station knows that it has them all.
+    """
     encoded = text.encode("ascii", errors="replace")
-    parts = [encoded[i : i + _TEXT_LENGTH] for i in range(0, len(encoded), _TEXT_LENGTH)]
-    number = 0 if len(parts) < 2 else 1 + sum(encoded) % 65_535  # joins the chunks of one text
+    if len(encoded) <= _TEXT_LENGTH:
+        return [mavlink.MAVLink_statustext_message(_SEVERITIES[severity], encoded)]
+    starts = range(0, len(encoded) + 1, _TEXT_LENGTH)
     return [
-        mavlink.MAVLink_statustext_message(_SEVERITIES[severity], part, number, chunk)
-        for chunk, part in enumerate(parts)
+        mavlink.MAVLink_statustext_message(
+            _SEVERITIES[severity],
+            encoded[start : start + _TEXT_LENGTH],
+            1 + number % (_NUMBERS - 1),  # 0 is a text without chunks
+            chunk,
+        )
+        for chunk, start in enumerate(starts)
     ]
 
 

@@ -34,7 +34,22 @@ def from_datum_N(datum: Datum, latitude_deg: float, longitude_deg: float) -> Flo
     Flat earth with the parallel half way between: within a centimetre up to 5 km.
     """
     north_rad = math.radians(latitude_deg - datum.latitude_deg)
-    turned_deg = (longitude_deg - datum.longitude_deg + 180.0) % 360.0 - 180.0
+    turned_deg = _wrapped(longitude_deg - datum.longitude_deg)
     half_way_rad = math.radians((latitude_deg + datum.latitude_deg) / 2.0)
     east_m = EARTH_RADIUS_M * math.radians(turned_deg) * math.cos(half_way_rad)
     return np.array([EARTH_RADIUS_M * north_rad, east_m, 0.0])
+
+
+def to_degrees(datum: Datum, p_N: Float64) -> tuple[float, float]:
+    """Give latitude and longitude [deg] of a position, north and east [m], in a datum's frame.
+
+    The inverse of `from_datum_N`.
+    """
+    latitude_deg = datum.latitude_deg + math.degrees(float(p_N[0]) / EARTH_RADIUS_M)
+    half_way_rad = math.radians((latitude_deg + datum.latitude_deg) / 2.0)
+    turned_deg = math.degrees(float(p_N[1]) / (EARTH_RADIUS_M * math.cos(half_way_rad)))
+    return latitude_deg, _wrapped(datum.longitude_deg + turned_deg)
+
+
+def _wrapped(longitude_deg: float) -> float:
+    return (longitude_deg + 180.0) % 360.0 - 180.0

@@ -119,6 +119,15 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 core=True,
             ),
             Topic(
+                name="route",
+                key="route",
+                ros_type=PATH_TYPE,
+                direction=Direction.IN,
+                traffic=Traffic.COMMAND,
+                depth=8,
+                core=True,
+            ),
+            Topic(
                 name="engagement",
                 key="engagement",
                 ros_type=ENGAGEMENT_TYPE,

@@ -1,0 +1,124 @@
+"""What ground stations order becomes what the core takes in, and they are told how it goes.
+
+Goals come from anywhere: the configuration, the goal and route topics, ground stations. The last
+one counts, and replaces all before it. A mission that another goal has replaced is kept, and may be
+started again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from twinscrew.runtime.app.core import Core
+from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.runtime.link.orders import GoTo, Halt, Order, Relative, Sail, Waypoint
+from twinscrew.runtime.link.stations import Stations
+from twinscrew.runtime.link.wire import Message
+from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.types import Float64, Goal
+
+Feed = Callable[[str, bytes], None]
+"""Takes a topic and a payload: hands them to the core, and keeps them for a replay."""
+SAME_M = 0.01
+"""[m] A goal this near the last one is the same one, sent again."""
+
+
+class StationGoals:
+    """Hands orders to the core, and watches the mission that they began."""
+
+    def __init__(self, stations: Stations, core: Core) -> None:
+        self._stations = stations
+        self._core = core
+        self._sailing: Sail | None = None
+        self._order = -1
+        self._reached = 0
+        self._news: list[Message] = []
+        self._going: Float64 | None = None
+
+    def carry_out(self, feed: Feed, stamp_ns: int) -> None:
+        """Feed the core what was ordered since the last call."""
+        for order in self._stations.orders():
+            self._one(order, feed, stamp_ns)
+
+    def progress(self) -> list[Message]:
+        """Give what stations are to be told of the mission since the last call."""
+        if self._sailing is not None:
+            if self._is_ours:
+                self._follow(self._sailing.way)
+            else:
+                self._interrupt()
+        news, self._news = self._news, []
+        return news
+
+    @property
+    def _is_ours(self) -> bool:
+        """Whether the last order that the core took is the one that we gave."""
+        return self._core.pipeline.mission.orders == self._order
+
+    def _follow(self, way: tuple[Waypoint, ...]) -> None:
+        """Note which places were reached."""
+        mission, reached = self._stations.server.mission, self._core.pipeline.mission.reached
+        new, self._reached = way[self._reached : reached], reached
+        if not new:
+            return
+        mission.current = way[min(reached, len(way) - 1)].seq
+        states = mavlink.MISSION_STATE_ACTIVE, mavlink.MISSION_STATE_COMPLETE
+        mission.state = int(states[reached == len(way)])
+        self._news += [mavlink.MAVLink_mission_item_reached_message(place.seq) for place in new]
+        self._news.append(mission.told())
+
+    def _one(self, order: Order, feed: Feed, stamp_ns: int) -> None:
+        if isinstance(order, GoTo):
+            self._go_to(order, feed, stamp_ns)
+        elif isinstance(order, Sail):
+            places = [(waypoint.north_m, waypoint.east_m) for waypoint in order.way]
+            self._give("route", cdr.encode_path(np.array(places), stamp_ns=stamp_ns), feed)
+            self._sailing, self._reached, self._going = order, 0, None
+            self._stations.server.mission.state = int(mavlink.MISSION_STATE_ACTIVE)
+        elif isinstance(order, Halt) and self._sailing is not None and self._is_ours:
+            self._give("route", cdr.encode_path(np.empty((0, 2)), stamp_ns=stamp_ns), feed)
+            self._going = None
+            self._interrupt()
+
+    def _go_to(self, order: GoTo, feed: Feed, stamp_ns: int) -> None:
+        place_N = self._place_N(order)
+        if place_N is None:
+            self._stations.server.complaints.append("goal refused: where the boat is is unknown")
+            return
+        if self._is_ours and self._going is not None and _apart_m(place_N, self._going) < SAME_M:
+            return
+        goal = Goal(stamp_ns=stamp_ns, position_N=place_N)
+        self._give("goal", cdr.encode_goal(goal), feed)
+        self._going = place_N
+        self._interrupt()
+
+    def _interrupt(self) -> None:
+        """Note that the mission is sailed no further."""
+        mission = self._stations.server.mission
+        if self._sailing is not None and mission.state == mavlink.MISSION_STATE_ACTIVE:
+            mission.state = int(mavlink.MISSION_STATE_PAUSED)
+            self._news.append(mission.told())
+        self._sailing = None
+
+    def _place_N(self, order: GoTo) -> Float64 | None:
+        place = np.array([order.x_m, order.y_m])
+        if order.relative is Relative.ORIGIN:
+            return place
+        odometry = self._core.odometry
+        if odometry is None:
+            return None
+        if order.relative is Relative.BOW:
+            place = rotation_2d(odometry.heading) @ place
+        here: Float64 = odometry.position_N[:2] + place
+        return here
+
+    def _give(self, topic: str, payload: bytes, feed: Feed) -> None:
+        feed(topic, payload)
+        self._order = self._core.pipeline.mission.orders
+
+
+def _apart_m(a: Float64, b: Float64) -> float:
+    return float(np.hypot(*(a - b)))
