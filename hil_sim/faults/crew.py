@@ -10,7 +10,7 @@ import numpy as np
 
 from twinscrew.hil_sim.drivers.realtime import RealtimeCrew
 from twinscrew.hil_sim.faults.actions import Action, action_of
-from twinscrew.hil_sim.faults.plan import EVERY_VESSEL, Fault, FaultPlan
+from twinscrew.hil_sim.faults.plan import Fault, FaultPlan
 from twinscrew.hil_sim.faults.rig import TOPICS, Rig
 from twinscrew.hil_sim.faults.witness import Witness
 from twinscrew.runtime.messages.types import Float64, Odometry
@@ -24,7 +24,7 @@ class Made(NamedTuple):
     begin_s: float
     """[s] By the monotonic clock."""
     end_s: float
-    """[s] When it was over; infinite if it is not."""
+    """[s] When it was over, at the latest with the voyage."""
 
 
 class FaultyCrew:
@@ -48,6 +48,8 @@ class FaultyCrew:
         self.witnesses = [Witness() for _ in rigs]
         """One a vessel."""
         self.made: list[Made] = []
+        self.ended_s = 0.0
+        """[s] When the voyage was over, by the monotonic clock."""
         self._crew, self._rigs = crew, rigs
         self._begin_s: float | None = None
         streams = np.random.SeedSequence(seed).spawn(len(rigs))
@@ -65,14 +67,21 @@ class FaultyCrew:
             self._crew.listen(rig.vessel, "diagnostics", witness.hear)
         return self
 
+    @property
+    def down(self) -> frozenset[int]:
+        """Vessels whose runtimes were killed and not started again."""
+        return self._crew.down
+
     def __exit__(
         self,
         kind: type[BaseException] | None,
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        for _, _, action, _ in self._acting:
+        self.ended_s = time.monotonic()
+        for vessel, fault, action, begin_s in self._acting:
             action.end()
+            self.made.append(Made(vessel, fault, begin_s, self.ended_s))
         self._crew.close()
         for rig in self._rigs:
             rig.close()
@@ -136,18 +145,3 @@ class FaultyCrew:
             vessel, fault, action = planned
             self._acting.append((vessel, fault, action, time.monotonic()))
             action.begin()
-
-
-def plans_by_vessel(plan: FaultPlan, names: tuple[str, ...]) -> list[FaultPlan]:
-    """Give each vessel the faults that are for it; the machine's are the first vessel's."""
-    from msgspec.structs import replace
-
-    def is_for(fault: Fault, name: str) -> bool:
-        if fault.target == "machine":
-            return name == names[0]
-        return fault.vessel in (name, EVERY_VESSEL)
-
-    return [
-        replace(plan, fault=tuple(fault for fault in plan.fault if is_for(fault, name)))
-        for name in names
-    ]

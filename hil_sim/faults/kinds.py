@@ -10,9 +10,9 @@ from msgspec import Meta
 
 from twinscrew.runtime.settings import Count, Fraction, NonNegative, Positive, Settings
 
-SENSORS: Final = ("points", "odometry")
-TOPICS: Final = (*SENSORS, "goal", "sensors")
-"""`sensors` is both: what a clock that all sensors share does, or a cable that they share."""
+SENSORS: Final = ("points", "odometry", "gps", "imu", "sensors")
+TOPICS: Final = (*SENSORS, "goal")
+"""`sensors` is all of them: a clock that they share, or a cable."""
 MAVLINK: Final = ("to_autopilot", "from_autopilot", "mavlink")
 """Directions of the line to the autopilot; `mavlink` is both."""
 Id = Annotated[int, Meta(ge=1, le=255)]
@@ -126,9 +126,9 @@ KINDS: Final[Mapping[str, Kind]] = {
     "duplicate": Kind((*TOPICS, *MAVLINK), Duplicate),
     "reorder": Kind((*TOPICS, *MAVLINK), Some),
     "corrupt": Kind((*TOPICS, *MAVLINK), Corrupt),
-    "freeze": Kind((*SENSORS, "sensors"), Freeze),
-    "noise": Kind((*SENSORS, "sensors"), Noise),
-    "clock_jump": Kind((*SENSORS, "sensors"), ClockJump),
+    "freeze": Kind(SENSORS, Freeze),
+    "noise": Kind(("points", "odometry"), Noise),
+    "clock_jump": Kind(SENSORS, ClockJump),
     "wrong_ids": Kind(MAVLINK, WrongIds),
     "kill": Kind(("runtime", "autopilot"), Nothing),
     "hang": Kind(("runtime", "autopilot"), Nothing),

@@ -12,7 +12,8 @@ from twinscrew.hil_sim.faults.proxy import Proxy
 from twinscrew.hil_sim.faults.remote_autopilot import RemoteAutopilot
 from twinscrew.runtime.link.sockets import UdpTransport
 
-TOPICS = ("points", "odometry", "goal")
+SENSORS = ("points", "odometry", "gps", "imu")
+TOPICS = (*SENSORS, "goal")
 
 
 class Rig:
@@ -49,7 +50,7 @@ class Rig:
     def lines_of(self, target: str) -> list[Line]:
         """Give the lines that a target means."""
         names = {
-            "sensors": ("points", "odometry"),
+            "sensors": SENSORS,
             "mavlink": ("to_autopilot", "from_autopilot"),
         }.get(target, (target,))
         return [self.lines[name] for name in names]

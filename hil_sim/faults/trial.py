@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-from twinscrew.hil_sim.drivers.realtime import LOG_FILE, RealtimeCrew
 from twinscrew.hil_sim.drivers.voyage import Voyage
-from twinscrew.hil_sim.faults.crew import FaultyCrew
+from twinscrew.hil_sim.faults.assemble import faulty_crew, verdicts
 from twinscrew.hil_sim.faults.plan import FaultPlan
-from twinscrew.hil_sim.faults.rig import Rig, fleet_of
-from twinscrew.hil_sim.faults.verdict import Verdict, judge
+from twinscrew.hil_sim.faults.verdict import Verdict
 from twinscrew.hil_sim.faults.waters import lanes
 from twinscrew.hil_sim.world import make_world
 from twinscrew.runtime.app.config import RecordingSettings, RuntimeConfig
@@ -50,30 +47,11 @@ def try_out(
     duration_s = max(plan.end_s + plan.settle_s for plan in plans)
     scenario = lanes(len(plans), duration_s)
     world = make_world(scenario, sensor=SENSOR, seed=seed)
-    rigs = [Rig(i, i + 1, lambda: world.time_s) for i in range(len(plans))]
     folders = [folder / plan.name for plan in plans]
     configs = [config_of(scenario.names[i], i + 1, folders[i]) for i in range(len(plans))]
-
-    def reroute(vessel: int, port: int) -> int:
-        cut = any(fault.kind == "cut" for fault in plans[vessel].fault)
-        return rigs[vessel].reroute(port) if cut else port
-
-    inner = RealtimeCrew(configs, folders, fleet_of(rigs), reroute=reroute)
-    with FaultyCrew(inner, rigs, plans, seed) as crew:
+    with faulty_crew(world, configs, folders, plans, seed) as crew:
         Voyage(world, crew, scan_s=1.0 / load_sensor(SENSOR).rate_hz).run()
-        now_s = time.monotonic()
-    return [
-        judge(
-            plan.name,
-            plan.promise,
-            [made for made in crew.made if made.vessel == vessel],
-            crew.witnesses[vessel],
-            now_s=now_s,
-            log=(folders[vessel] / LOG_FILE).read_text(errors="replace"),
-        )
-        for vessel, plan in enumerate(plans)
-        if plan.promise is not None
-    ]
+    return verdicts(crew, plans, folders)
 
 
 def config_of(name: str, system_id: int, folder: Path) -> RuntimeConfig:

@@ -7,8 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from twinscrew.hil_sim.faults.crew import Made
+from twinscrew.hil_sim.faults.kinds import AT_ONCE
 from twinscrew.hil_sim.faults.plan import Promise
 from twinscrew.hil_sim.faults.witness import Witness
+
+APART_S = 0.1
+"""[s] What happens within this is one thing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,8 +66,11 @@ def judge(
     begin_s = min(fault.begin_s for fault in made)
     first_end_s = min(fault.end_s for fault in made)
     end_s = max(fault.end_s for fault in made)
-    if first_end_s - begin_s < 0.1:  # done at once, as a pilot's act: what follows lasts
-        first_end_s = min((m.begin_s for m in made if m.begin_s > begin_s + 0.1), default=now_s)
+    acts_s = [m.begin_s for m in made if m.fault.kind in AT_ONCE and m.begin_s > begin_s + APART_S]
+    if acts_s:  # the boat waits for somebody
+        first_end_s = min(acts_s)
+    elif first_end_s - begin_s < APART_S:  # a pilot's act, and nobody takes it back
+        first_end_s = now_s
     rows = [
         *_neutral(promise, witness, begin_s, first_end_s),
         *_event(promise, witness, begin_s),
