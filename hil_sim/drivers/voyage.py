@@ -106,6 +106,8 @@ class Voyage:
         self._progress = progress
         self._navigation = navigation
         self._vessels = range(world.scenario.vessels)
+        self._phases = round(ODOMETRY_S / crew.exchange_s)
+        self._measured: dict[int, Odometry] = {}
         self._log = TrajectoryLog()
         self._supervisor: Supervisor | None = None
 
@@ -133,6 +135,20 @@ class Voyage:
         while self._world.time_s < until_s:
             self._tick()
 
+    def patrol(self, duration_s: float, goal_of: Callable[[int], Float64 | None]) -> None:
+        """Sail for a time [s], whatever happens; `goal_of` gives a vessel's next goal, if any."""
+        self._wait_at_the_dock()
+        for i in self._vessels:
+            self._world.release(i)
+        self._give_goals()
+        until_s = self._world.time_s + duration_s
+        while self._world.time_s < until_s:
+            self._tick()
+            for i in self._vessels:
+                goal_N = goal_of(i)
+                if goal_N is not None:
+                    self._give_goal(i, goal_N)
+
     def _wait_at_the_dock(self) -> None:
         for i in self._vessels:
             self._world.moor(i, self._world.scenario.starts[i, :2])
@@ -155,15 +171,19 @@ class Voyage:
 
     def _give_goals(self) -> None:
         for i in self._vessels:
-            goal = Goal(stamp_ns=self._world.stamp_ns, position_N=self._world.scenario.goals[i])
-            self._deliver(i, "goal", cdr.encode_goal(goal))
+            self._give_goal(i, self._world.scenario.goals[i])
+
+    def _give_goal(self, vessel: int, goal_N: Float64) -> None:
+        goal = Goal(stamp_ns=self._world.stamp_ns, position_N=goal_N)
+        self._deliver(vessel, "goal", cdr.encode_goal(goal))
 
     def _tick(self) -> None:
-        """Let one odometry period pass."""
+        """Let one odometry period pass; each vessel's sensors have their own moment in it."""
         self._crew.check()
-        odometry = self._measure()
-        for _ in range(round(ODOMETRY_S / self._crew.exchange_s)):
-            for i, measured in odometry.items():
+        self._note()
+        for phase in range(self._phases):
+            self._measure(phase)
+            for i, measured in self._measured.items():
                 self._crew.exchange(i, self._world.time_s, measured)
             self._advance(self._crew.exchange_s)
             self._navigate()
@@ -171,19 +191,22 @@ class Voyage:
         if self._supervisor is not None and self._progress is not None:
             self._progress(self._supervisor.elapsed_s, self._supervisor.results())
 
-    def _measure(self) -> dict[int, Odometry]:
+    def _measure(self, phase: int) -> None:
+        """Let the sensors measure whose moment it is: no two boats' clocks agree.
+
+        In lock-step there is one moment for all.
+        """
         world = self._world
-        scans = world.steps % world.steps_in(self._scan_s) == 0
-        measured = {}
-        for i in self._vessels:
+        since = world.steps - phase * world.steps_in(self._crew.exchange_s)
+        scans = since % world.steps_in(self._scan_s) == 0
+        for i in self._vessels[phase :: self._phases]:
             if self._ended(i):
+                self._measured.pop(i, None)
                 continue
-            measured[i] = world.odometry(i)
-            self._deliver(i, "odometry", cdr.encode_odometry(measured[i]))
+            self._measured[i] = world.odometry(i)
+            self._deliver(i, "odometry", cdr.encode_odometry(self._measured[i]))
             if scans:
                 self._deliver(i, "points", cdr.encode_point_cloud(world.cloud(i)))
-        self._note()
-        return measured
 
     def _navigate(self) -> None:
         """Hand on what GPS and IMU have measured meanwhile."""
