@@ -12,6 +12,7 @@ import msgspec
 
 from twinscrew.runtime.app.assemble import make_controller
 from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
+from twinscrew.runtime.app.garbage import Garbage
 from twinscrew.runtime.app.ground import GroundReport
 from twinscrew.runtime.app.loop import Loop
 from twinscrew.runtime.app.odometry_source import SENSED
@@ -172,7 +173,6 @@ class Session:
             bus, self._recorder, vessel=config.name, frames=Frames(sensor_of(config))
         )
         self._inbox = Inbox()
-        self._inbox.listen(bus, inputs_of(config))
         self.loop = Loop(
             controller,
             self._inbox,
@@ -184,6 +184,10 @@ class Session:
         if self._refused:
             told = PRIORITY_REFUSED.at(controller.stamp_ns, "; ".join(self._refused))
             self._outlet.happened((told,))
+        self._stack.enter_context(
+            Garbage()
+        )  # the first collection takes 20 ms: before a scan comes
+        self._inbox.listen(bus, inputs_of(config))
 
     def _open_recorder(self, policy: Policy) -> Recorder | None:
         if self._folder is None:
