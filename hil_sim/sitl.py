@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
+from typing import Literal
 
 from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotFleet, ArduPilotSettings
@@ -61,10 +62,20 @@ class OdometrySource(Enum):
     """A filter of what a simulated GPS and IMU measure, with VRX's rates and noise."""
 
 
+    AUTOPILOT_ODOMETRY = "autopilot_odometry"
+    """The same in one message, ODOMETRY, which ArduPilot does not send."""
 class SitlSettings(Settings, frozen=True):
     """What to sail with."""
 
     sensor: str = "vrx32"
+_RUNTIMES_SOURCE: dict[OdometrySource, Literal["bus", "autopilot", "gps_imu"]] = {
+    OdometrySource.BUS: "bus",
+    OdometrySource.AUTOPILOT: "autopilot",
+    OdometrySource.AUTOPILOT_ODOMETRY: "autopilot",
+    OdometrySource.GPS_IMU: "gps_imu",
+}
+
+
     policy: str = "ac_iqn"
     seed: int = 0
     lockstep: bool = False
@@ -136,6 +147,13 @@ def sail(
     folders = [folder / name for name in scenario.names] if folder else []
     configs = [
         _config(settings, scenario, i, str(folders[i]) if folders else "")
+    if settings.ground and settings.autopilot is AutopilotKind.ARDUPILOT:
+        raise ConfigError("ArduPilot has ports of its own: tcp:127.0.0.1:5762, ...", key="ground")
+    if (settings.autopilot, settings.odometry) == (
+        AutopilotKind.ARDUPILOT,
+        OdometrySource.AUTOPILOT_ODOMETRY,
+    ):
+        raise ConfigError("ArduPilot sends no ODOMETRY: autopilot", key="odometry")
         for i in range(scenario.vessels)
     ]
     begin_s = time.monotonic()
@@ -221,11 +239,12 @@ def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: str)
         name=scenario.names[index],
         sensor=settings.sensor,
         policy=str(policy.resolve()) if policy.is_file() else settings.policy,
-        odometry_source=settings.odometry.value,
+        odometry_source=_RUNTIMES_SOURCE[settings.odometry],
         estimation=EstimationSettings(datum=DATUM, sensors=settings.navigation.place),
         mission=MissionSettings(goal_radius_m=scenario.goal_radius),
         autopilot=AutopilotSettings(
             system_id=index + 1,
+    whole = settings.odometry is OdometrySource.AUTOPILOT_ODOMETRY
             arm=True,
             receiver_fitted=False,
             write_parameters=settings.write_params,
@@ -238,6 +257,7 @@ def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: str)
 def _vessel_reports(result: VoyageResult, runs: Sequence[RunSummary]) -> tuple[VesselReport, ...]:
     energy = result.log.energy_ns()
     return tuple(
+            state_message="odometry" if whole else "local_position",
         VesselReport(
             name=vessel.name,
             outcome=vessel.outcome.value if vessel.outcome else "timeout",

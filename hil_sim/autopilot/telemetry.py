@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.hil_sim.autopilot.rover import Mode, Rover
@@ -112,6 +113,25 @@ def local_position_ned(moment: Moment) -> Message | None:
     )
 
 
+def odometry(moment: Moment) -> Message | None:
+    """Tell everything in one message. ArduRover sends none: it is here to try other autopilots'."""
+    vehicle = moment.vehicle
+    if vehicle is None:
+        return None
+    unknown = [math.nan, *[0.0] * 20]
+    numbers = np.concatenate([vehicle.velocity_B, vehicle.rates_B]).tolist()
+    return mavlink.MAVLink_odometry_message(
+        moment.boot_ms * 1000,
+        mavlink.MAV_FRAME_LOCAL_NED,
+        mavlink.MAV_FRAME_BODY_FRD,
+        *vehicle.position_N.tolist(),
+        vehicle.q_NB.tolist(),
+        *numbers,
+        unknown,
+        unknown,
+    )
+
+
 def global_position_int(moment: Moment) -> Message | None:
     """Tell position on the earth, speed over ground, heading."""
     if moment.vehicle is None:
@@ -171,6 +191,7 @@ TELLERS: dict[int, Callable[[Moment], Message | None]] = {
     mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: system_time,
     mavlink.MAVLINK_MSG_ID_ATTITUDE: attitude,
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: local_position_ned,
+    mavlink.MAVLINK_MSG_ID_ODOMETRY: odometry,
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: global_position_int,
     mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: gps_global_origin,
     mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: servo_output_raw,

@@ -64,9 +64,7 @@ class AutopilotLink:
         self._letting_go = LettingGo()
         self._streams = [
             Wanted(settings.system_id, message_id, rate_hz)
-            for message_id, rate_hz in commands.streams(
-                settings.servo_output_hz, settings.state_hz, origin=settings.datum is not None
-            )
+            for message_id, rate_hz in commands.streams(settings)
         ]
         self._outbox: list[Message] = []
         self._texts = 0

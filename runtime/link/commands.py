@@ -7,6 +7,7 @@ from typing import Literal
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.link.paddles import stick_from_pwm
+from twinscrew.runtime.link.settings import AutopilotSettings
 from twinscrew.runtime.link.wire import Message
 from twinscrew.runtime.messages.types import Severity
 
@@ -20,6 +21,14 @@ STREAM_BEFORE_ARMING_S = 0.1
 """[s] Neutral overrides must reach the autopilot before it lets itself be armed."""
 LEFT, RIGHT = 1, 3
 """Channels of the paddles (RCMAP_ROLL, RCMAP_THROTTLE)."""
+_STATE = {
+    "local_position": (
+        int(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED),
+        int(mavlink.MAVLINK_MSG_ID_ATTITUDE),
+    ),
+    "odometry": (int(mavlink.MAVLINK_MSG_ID_ODOMETRY),),
+}
+"""The messages that tell the vessel's state, by `AutopilotSettings.state_message`."""
 _IGNORE = 65535
 _TEXT_LENGTH = 50
 """[bytes] One STATUSTEXT."""
@@ -76,15 +85,12 @@ def message_interval(target: int, message_id: int, rate_hz: float) -> Message:
     return _command(target, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, interval_us)
 
 
-def streams(
-    servo_output_hz: float, state_hz: float, *, origin: bool = False
-) -> list[tuple[int, float]]:
-    """Give the messages that the link wants, with their rates [Hz]; `origin`: of its frame too."""
-    wanted = [(int(mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW), servo_output_hz)]
-    if state_hz > 0:
-        wanted.append((int(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED), state_hz))
-        wanted.append((int(mavlink.MAVLINK_MSG_ID_ATTITUDE), state_hz))
-    if state_hz > 0 and origin:
+def streams(settings: AutopilotSettings) -> list[tuple[int, float]]:
+    """Give the messages that the link wants, with their rates [Hz]."""
+    wanted = [(int(mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW), settings.servo_output_hz)]
+    if settings.state_hz > 0:
+        wanted += [(id_, settings.state_hz) for id_ in _STATE[settings.state_message]]
+    if settings.state_hz > 0 and settings.datum is not None:
         wanted.append((int(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN), ORIGIN_HZ))
     return wanted
 

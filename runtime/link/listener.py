@@ -54,11 +54,14 @@ class Listener:
             "COMMAND_ACK": self._on_ack,
             "STATUSTEXT": self._on_text,
             "PARAM_VALUE": self._on_parameter,
-            "LOCAL_POSITION_NED": self.odometry.position,
-            "ATTITUDE": self.odometry.attitude,
             "GPS_GLOBAL_ORIGIN": self.odometry.origin,
             "TIMESYNC": self.odometry.clock.answered,
         }
+        if settings.state_message == "odometry":
+            self._handlers["ODOMETRY"] = self.odometry.whole
+        else:
+            self._handlers["LOCAL_POSITION_NED"] = self.odometry.position
+            self._handlers["ATTITUDE"] = self.odometry.attitude
 
     def take(self, message: Message, now_s: float) -> bool:
         """Take a message; False if it is not of our autopilot."""

@@ -1,6 +1,6 @@
-"""Odometry from the autopilot: LOCAL_POSITION_NED and ATTITUDE, joined.
+"""Odometry from the autopilot: LOCAL_POSITION_NED and ATTITUDE, joined, or ODOMETRY.
 
-Both carry the autopilot's time since boot, which `BootClock` brings to the caller's time.
+They carry the autopilot's time since boot, which `BootClock` brings to the caller's time.
 """
 
 from __future__ import annotations
@@ -17,6 +17,12 @@ from twinscrew.runtime.geometry.frames import (
 )
 from twinscrew.runtime.link.boot_clock import BootClock
 from twinscrew.runtime.link.datum import Datum, from_datum_N
+from twinscrew.runtime.link.whole_odometry import (
+    UNIX_SINCE_S,
+    is_usable,
+    time_s,
+    whole_odometry,
+)
 from twinscrew.runtime.link.wire import Message
 from twinscrew.runtime.messages.types import Float64, Odometry
 
@@ -34,7 +40,7 @@ _POSITION = ("x", "y", "z", "vx", "vy", "vz")
 
 
 class OdometryFromAutopilot:
-    """Joins the two messages; `newest` is the last result.
+    """Makes odometry of the autopilot's messages; `newest` is the last result.
 
     Parameters
     ----------
@@ -52,6 +58,8 @@ class OdometryFromAutopilot:
         self._origin_N: Float64 | None = None if datum else np.zeros(3)
         self._boot_ms = 0
         self.clock = BootClock()
+        self._unix = BootClock()
+        """For a sender that counts from 1970: TIMESYNC does not tell of that clock."""
 
     def take(self) -> list[Odometry]:
         """Give every result since the last call, the oldest first."""
@@ -75,6 +83,21 @@ class OdometryFromAutopilot:
             if self._attitude is not None and _apart_ms(message, self._attitude) <= SAME_MOMENT_MS:
                 self._join(self._attitude)
 
+    def whole(self, message: Message, now_s: float) -> None:
+        """Take ODOMETRY; one that cannot be used is dropped."""
+        if not is_usable(message):
+            return
+        sent_s = time_s(message)
+        clock = self.clock
+        if sent_s > UNIX_SINCE_S:
+            clock = self._unix
+            clock.heard(sent_s, now_s)
+        else:
+            self._hear(round(1e3 * sent_s), now_s)
+        if self._origin_N is not None:
+            stamp_ns = round(clock.caller_s(sent_s) * 1e9)
+            self._give(whole_odometry(message, self._origin_N, stamp_ns))
+
     def origin(self, message: Message, _now_s: float) -> None:
         """Take GPS_GLOBAL_ORIGIN: where the autopilot counts its position from."""
         if self._datum is not None:
@@ -96,8 +119,11 @@ class OdometryFromAutopilot:
         attitude = min(known, key=lambda message: _apart_ms(position, message))
         if _apart_ms(position, attitude) <= PAIR_WITHIN_MS:
             stamp_ns = round(self.clock.caller_s(position.time_boot_ms * 1e-3) * 1e9)
-            self.newest = _odometry(attitude, position, self._origin_N, stamp_ns)
-            self._untaken.append(self.newest)
+            self._give(_odometry(attitude, position, self._origin_N, stamp_ns))
+
+    def _give(self, odometry: Odometry) -> None:
+        self.newest = odometry
+        self._untaken.append(odometry)
 
 
 def _apart_ms(message: Message, other: Message) -> int:

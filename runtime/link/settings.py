@@ -44,6 +44,9 @@ class AutopilotSettings(Settings, frozen=True):
     """[Hz] How often to hear what drives the propellers."""
     state_hz: NonNegative = 0.0
     """[Hz] How often to hear position and attitude; 0 if odometry comes from elsewhere."""
+    state_message: Literal["local_position", "odometry"] = "local_position"
+    """Which messages tell them: LOCAL_POSITION_NED and ATTITUDE, as ArduPilot sends them, or
+    ODOMETRY (331)."""
     datum: Datum | None = None
     """latitude_deg and longitude_deg of the local frame's origin; none: where the autopilot's own
     filter began. Only for odometry from the autopilot."""

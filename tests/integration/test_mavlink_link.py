@@ -228,8 +228,9 @@ def test_an_autopilot_without_our_key_is_not_heard(theirs):
     assert not boat.autopilot.rover.armed
 
 
-def test_odometry_comes_from_the_autopilot_with_the_callers_time():
-    boat = Boat(state_hz=20.0)
+@pytest.mark.parametrize("state_message", ["local_position", "odometry"])
+def test_odometry_comes_from_the_autopilot_with_the_callers_time(state_message):
+    boat = Boat(state_hz=20.0, state_message=state_message)
     boat.vehicle = Odometry(
         stamp_ns=0,
         position_N=np.array([12.0, -7.0, 0.1]),

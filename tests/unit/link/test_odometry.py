@@ -165,3 +165,95 @@ def test_a_position_is_given_once_however_many_attitudes_come():
         attitude = mavlink.MAVLink_attitude_message(boot_ms, 0, 0, 0, 0, 0, 0)
         source.attitude(attitude, BOOT_S + boot_ms * 1e-3)
     assert len(source.take()) == 1
+
+
+def whole(boot_ms=1000, **changes):
+    """ODOMETRY of a boat that heads east with 2 m/s."""
+    values = {
+        "time_usec": boot_ms * 1000,
+        "frame_id": mavlink.MAV_FRAME_LOCAL_NED,
+        "child_frame_id": mavlink.MAV_FRAME_BODY_FRD,
+        "x": 1.0,
+        "y": 2.0,
+        "z": 3.0,
+        "q": [math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)],
+        "vx": 2.0,
+        "vy": 0.1,
+        "vz": 0.0,
+        "rollspeed": 0.01,
+        "pitchspeed": 0.02,
+        "yawspeed": 0.3,
+        "pose_covariance": [math.nan] * 21,
+        "velocity_covariance": [math.nan] * 21,
+        "quality": 0,
+    }
+    return mavlink.MAVLink_odometry_message(**(values | changes))
+
+
+def test_one_message_may_tell_everything():
+    source = OdometryFromAutopilot()
+    source.whole(whole(), BOOT_S + 1.0)
+    (got,) = source.take()
+    assert got.position_N.tolist() == [1.0, 2.0, 3.0]
+    assert got.heading == pytest.approx(math.pi / 2)
+    assert got.velocity_B == pytest.approx([2.0, 0.1, 0.0])
+    assert got.rates_B == pytest.approx([0.01, 0.02, 0.3])
+    assert got.stamp_ns * 1e-9 == pytest.approx(BOOT_S + 1.0, abs=1e-6)
+
+
+def test_a_velocity_in_the_local_frame_is_turned_into_the_body():
+    source = OdometryFromAutopilot()
+    message = whole(child_frame_id=mavlink.MAV_FRAME_LOCAL_NED, vx=0.0, vy=2.0)
+    source.whole(message, BOOT_S + 1.0)
+    assert source.newest.velocity_B == pytest.approx([2.0, 0.0, 0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"frame_id": mavlink.MAV_FRAME_LOCAL_FRD},
+        {"child_frame_id": mavlink.MAV_FRAME_LOCAL_FLU},
+        {"vx": math.nan},
+        {"q": [0.0] * 4},
+        {"q": [math.nan] * 4},
+        {"quality": -1},
+    ],
+    ids=str,
+)
+def test_a_message_that_cannot_be_used_is_dropped(changes):
+    source = OdometryFromAutopilot()
+    source.whole(whole(**changes), BOOT_S + 1.0)
+    assert source.take() == []
+
+
+def test_its_time_is_aligned_by_timesync_as_that_of_the_others():
+    source = OdometryFromAutopilot()
+    source.whole(whole(1000), BOOT_S + 1.3)  # late from the first: one way alone cannot tell
+    (question,) = source.clock.ask(BOOT_S + 2.0)
+    answer = mavlink.MAVLink_timesync_message(2_010_000_000, question.ts1)
+    source.clock.answered(answer, BOOT_S + 2.02)
+    source.whole(whole(2500), BOOT_S + 2.8)
+    assert source.newest.stamp_ns * 1e-9 == pytest.approx(BOOT_S + 2.5, abs=1e-3)
+
+
+def test_a_sender_that_counts_from_1970_has_a_clock_of_its_own():
+    source = OdometryFromAutopilot()
+    unix_us = 1_800_000_000_000_000
+    for k, delay_s in enumerate((0.2, 0.01, 0.2)):
+        source.whole(whole(time_usec=unix_us + 50_000 * k), BOOT_S + 0.05 * k + delay_s)
+    assert source.newest.stamp_ns * 1e-9 == pytest.approx(BOOT_S + 0.11, abs=1e-3)
+    feed(source, 1000)  # its boot clock is not disturbed
+    assert source.newest.stamp_ns * 1e-9 == pytest.approx(BOOT_S + 1.0, abs=1e-3)
+
+
+def test_it_too_is_counted_from_the_datum():
+    source = OdometryFromAutopilot(Datum(latitude_deg=-33.0, longitude_deg=151.0))
+    source.whole(whole(), BOOT_S + 1.0)
+    assert source.take() == []
+    north_deg = math.degrees(100.0 / EARTH_RADIUS_M)
+    source.origin(
+        mavlink.MAVLink_gps_global_origin_message(round((-33.0 + north_deg) * 1e7), 1510000000, 0),
+        BOOT_S,
+    )
+    source.whole(whole(1050), BOOT_S + 1.05)
+    assert source.newest.position_N == pytest.approx([101.0, 2.0, 3.0], abs=0.02)
