@@ -104,7 +104,7 @@ class Loop:
         self._send(self._controller.command(now_s))
         self._tell(events)
         self._outlet.thrust(self._controller.thrust)
-        self._look_at_the_recorder()
+        self._look_for_losses()
         self._manager.alive(now_s, self._controller.state.value)
 
     def _hear_autopilot(self, now_s: float) -> None:
@@ -158,10 +158,13 @@ class Loop:
             self._link_is_down = True
             self._happened(LINK_DOWN.at(self._controller.stamp_ns, str(error)))
 
-    def _look_at_the_recorder(self) -> None:
+    def _look_for_losses(self) -> None:
         trouble = self._outlet.recorder_trouble()
         if trouble is not None:
             self._happened(RECORDER.at(self._controller.stamp_ns, trouble))
+        missing = self._outlet.bus_trouble()
+        if missing is not None:
+            self._happened(MESSAGES_MISSING.at(self._controller.stamp_ns, missing))
 
     def _happened(self, event: HealthEvent) -> None:
         self._controller.note((event,), self._clock())

@@ -15,6 +15,20 @@ from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Decision, Float64, HealthEvent
 
 
+class Losses:
+    """Remembers which losses were told, so that a flood of them is not a flood of words."""
+
+    def __init__(self) -> None:
+        self._told = 0
+
+    def grew(self, count: int) -> bool:
+        """Tell whether losses have begun, or doubled since they were told."""
+        if count < max(1, 2 * self._told):
+            return False
+        self._told = count
+        return True
+
+
 class Outlet:
     """Publishes and records; counts and hashes the decisions."""
 
@@ -45,7 +59,7 @@ class Outlet:
         self._frames = frames
         self._clock_ns = clock_ns
         self._hash = DecisionHash()
-        self._losses_told = 0
+        self._recorder_losses, self._bus_losses = Losses(), Losses()
 
     @property
     def sha256(self) -> str:
@@ -97,11 +111,17 @@ class Outlet:
 
     def recorder_trouble(self) -> str | None:
         """Say what the recorder has lost: when it begins, and each time the loss has doubled."""
-        lost = self._recorder.dropped if self._recorder is not None else 0
-        if self._recorder is None or lost < max(1, 2 * self._losses_told):
+        if self._recorder is None or not self._recorder_losses.grew(self._recorder.dropped):
             return None
-        self._losses_told = lost
-        return f"{lost} messages lost: {self._recorder.failure or 'the disk cannot follow'}"
+        why = self._recorder.failure or "the disk cannot follow"
+        return f"{self._recorder.dropped} messages lost: {why}"
+
+    def bus_trouble(self) -> str | None:
+        """Say what of the bus did not reach us: when it begins, and each time it has doubled."""
+        missing = {} if self._bus is None else self._bus.missing
+        if not self._bus_losses.grew(sum(missing.values())):
+            return None
+        return ", ".join(f"{count} {what}" for what, count in missing.items())
 
     def _tell(self, topic: str, payload: bytes) -> None:
         self._publish(topic, payload)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol, Self, TypeAlias
 
 from twinscrew.runtime.errors import BusError, one_of
@@ -45,6 +45,10 @@ class Bus(Protocol):
         BusError
             The bus is closed, or there is no such topic.
         """
+
+    @property
+    def missing(self) -> Mapping[str, int]:
+        """How many messages to us are missing, by what became of them: "points too large"."""
 
     def within(self, namespace: str) -> Self:
         """Give the same bus as seen from another vessel's namespace."""

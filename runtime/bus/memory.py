@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict, deque
+from collections.abc import Mapping
 
 from twinscrew.runtime.bus.base import Received, Receiver, find_topic
 from twinscrew.runtime.errors import BusError
@@ -48,6 +49,11 @@ class MemoryBus:
     def subscribe(self, topic: str, receive: Receiver) -> None:
         """Listen to a topic; see `Bus.subscribe`."""
         self._exchange.receivers[self._name(topic)].append(receive)
+
+    @property
+    def missing(self) -> Mapping[str, int]:
+        """See `Bus.missing`: here nothing can be lost."""
+        return {}
 
     def within(self, namespace: str) -> MemoryBus:
         """Give the same bus as seen from another vessel's namespace."""

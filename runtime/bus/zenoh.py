@@ -6,6 +6,7 @@ import itertools
 import json
 import time
 import uuid
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Final, cast
 
@@ -32,7 +33,7 @@ class _Line:
     def __init__(self, settings: ZenohSettings) -> None:
         self.settings = settings
         self.gaps = SequenceGaps()
-        self.refused = 0
+        self.refused: Counter[str] = Counter()
         self.closed = False
         self.publishers: dict[str, _Publisher] = {}
         self.subscribers: list[zenoh.Subscriber[None]] = []
@@ -111,7 +112,7 @@ class ZenohBus:
                 line.gaps.see(topic, attached)
                 sent_ns = source_time_ns(attached)
             if len(sample.payload) > limit:
-                line.refused += 1
+                line.refused[topic] += 1
                 return
             receive(Received(topic, sample.payload.to_bytes(), now_ns, sent_ns))
 
@@ -165,7 +166,13 @@ class ZenohBus:
     @property
     def refused(self) -> int:
         """How many messages were too large to be taken in."""
-        return self._line.refused
+        return self._line.refused.total()
+
+    @property
+    def missing(self) -> Mapping[str, int]:
+        """See `Bus.missing`."""
+        large = {f"{topic} too large": count for topic, count in self._line.refused.items()}
+        return large | {f"{topic} lost": count for topic, count in self.lost.items()}
 
     def _publisher(self, topic: str) -> _Publisher:
         name = self._key(topic)

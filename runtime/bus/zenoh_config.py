@@ -12,6 +12,7 @@ from msgspec import Meta
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.topics import KeyFormat
+from twinscrew.runtime.permissions import require_private
 from twinscrew.runtime.settings import Positive, Settings
 
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
@@ -34,13 +35,14 @@ class ZenohSettings(Settings, frozen=True):
     """Let large payloads go to programs on this machine by shared memory."""
     config_file: str | None = None
     """A configuration in Zenoh's own words (JSON5): TLS, access control. The five settings above
-    are applied over it where they are not at their defaults."""
+    are applied over it where they are not at their defaults; what it does not say of listening and
+    of looking for others is theirs, too. Private keys that it names must be their owner's alone."""
     key_format: KeyFormat = "ros2dds"
     """Whose keys: those of zenoh-bridge-ros2dds, or of rmw_zenoh."""
     domain: Annotated[int, Meta(ge=0, le=232)] = 0
     """[-] ROS_DOMAIN_ID; rmw_zenoh's keys hold it."""
     max_message_mb: Positive = 64.0
-    """[MB] Larger messages are thrown away and counted. A cloud of 1e6 points has 20 to 48 MB."""
+    """[MB] Larger messages are thrown away and told. A cloud of 1e6 points has 20 to 48 MB."""
     lossless: bool = False
     """Wait where the line is full instead of dropping: for lock-step, never at sea."""
 
@@ -53,6 +55,15 @@ _KEYS: Final = {
     "shared_memory": "transport/shared_memory/enabled",
 }
 """Where in Zenoh's configuration a setting belongs."""
+_SHY: Final = ("listen", "multicast_scouting")
+"""Zenoh would listen at every address, and look for others, where a file does not say otherwise."""
+_PRIVATE_KEYS: Final = (
+    "transport/link/tls/listen_private_key",
+    "transport/link/tls/connect_private_key",
+)
+_ROOM: Final = 2
+"""[-] Zenoh itself drops a message of more than this many times the limit, before it is whole: a
+peer cannot fill the memory. Up to there the message comes, and its sender's topic can be named."""
 _OUR_DEFAULTS: Final = {
     # Look again after 0.1 s, later every second: a boat's programs start in any order.
     "connect/retry": {
@@ -81,6 +92,10 @@ def zenoh_config(settings: ZenohSettings) -> zenoh.Config:
         config = _read(Path(settings.config_file))
         defaults = ZenohSettings()
         names = {n for n in _KEYS if getattr(settings, n) != getattr(defaults, n)}
+        names |= {n for n in _SHY if _unsaid(config, _KEYS[n])}
+        _check_private_keys(config)
+    most = round(_ROOM * settings.max_message_mb * 1_000_000)
+    _insert_all(config, {"transport/link/rx/max_message_size": most})
     _insert_all(config, {_KEYS[name]: getattr(settings, name) for name in sorted(names)})
     return config
 
@@ -96,6 +111,18 @@ def _insert_all(config: zenoh.Config, values: dict[str, Any]) -> None:
             config.insert_json5(key, json.dumps(value))
         except zenoh.ZError as error:
             raise ConfigError(f"{value!r}: {in_short(error)}", file="zenoh", key=key) from None
+
+
+def _unsaid(config: zenoh.Config, key: str) -> bool:
+    """Tell whether a key has Zenoh's own default."""
+    return bool(config.get_json(key) == zenoh.Config().get_json(key))
+
+
+def _check_private_keys(config: zenoh.Config) -> None:
+    for key in _PRIVATE_KEYS:
+        path = json.loads(config.get_json(key))
+        if path is not None:
+            require_private(Path(path))
 
 
 def _read(path: Path) -> zenoh.Config:

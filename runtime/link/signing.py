@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import hashlib
 import hmac
-import stat
 import time
 from collections.abc import Callable
 from functools import partial
@@ -22,6 +21,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.permissions import require_private
 
 KEY_LENGTH = 32
 """[bytes] MAVLink's key length."""
@@ -73,15 +73,11 @@ def read_key(path: Path) -> bytes:
     ConfigError
         The file cannot be read, others than its owner can, or it does not hold a key.
     """
+    require_private(path)
     try:
-        mode = stat.S_IMODE(path.stat().st_mode)
         content = path.read_bytes()
     except OSError as error:
         raise ConfigError(error.strerror or str(error), file=path) from error
-    if mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise ConfigError(
-            f"others may use this key (mode {mode:04o}); make it yours alone: chmod 600", file=path
-        )
     if len(content) == KEY_LENGTH:
         return content
     try:

@@ -77,4 +77,7 @@ LINK_DOWN = _error(
     "link_down", "The connection to the autopilot broke: it is opened again, neutral thrust."
 )
 LINK_RESTORED = _info("link_restored", "The connection to the autopilot is open again.")
+MESSAGES_MISSING = _warning(
+    "messages_missing", "Messages were too large, or lost on their way: they are missing."
+)
 RECORDER = _warning("recorder", "The recorder lost messages or stopped; the boat goes on.")

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import textwrap
 import time
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -165,8 +165,70 @@ def test_a_message_that_is_too_large_is_counted_and_thrown_away(simulator, endpo
         simulator.publish("points", bytes(1000))
         assert [len(m.payload) for m in gather(inbox, 1)] == [1000]
         assert boat.refused == 1
+        assert boat.missing == {"points too large": 1}
     finally:
         boat.close()
+
+
+def test_a_message_far_too_large_is_not_even_put_together_and_the_line_goes_on(simulator, endpoint):
+    boat = ZenohBus(
+        ZenohSettings(connect=(endpoint,), max_message_mb=0.1, shared_memory=False), "wamv1"
+    )
+    inbox = Inbox()
+    inbox.listen(boat, ("points",))
+    try:
+        assert simulator.wait_for_subscribers(("points",), 20)
+        for size in (10, 5_000_000, 20):
+            simulator.publish("points", bytes(size))
+            if size != 5_000_000:
+                assert [len(m.payload) for m in gather(inbox, 1)] == [size]
+        assert boat.missing == {"points lost": 1}
+    finally:
+        boat.close()
+
+
+ROUTER = textwrap.dedent(
+    """
+    import sys
+    from twinscrew.runtime.bus.zenoh import ZenohBus
+    from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+
+    bus = ZenohBus(ZenohSettings(mode="router", listen=(sys.argv[1],), connect=()), "router")
+    sys.stdin.read()
+    """
+)
+
+
+@contextmanager
+def router(endpoint):
+    """A router that is killed in the end, as hard as can be."""
+    process = subprocess.Popen([sys.executable, "-c", ROUTER, endpoint], stdin=subprocess.PIPE)
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
+        process.stdin.close()
+
+
+def test_clients_that_meet_at_a_router_meet_again_when_it_was_killed_and_started_anew(endpoint):
+    ends, inbox = [], Inbox()
+    settings = ZenohSettings(mode="client", connect=(endpoint,))
+    try:
+        for time in range(3):
+            with router(endpoint):
+                while len(ends) < 2:  # a client needs the router at once: it may still be starting
+                    with suppress(BusError):
+                        ends.append(ZenohBus(settings, "wamv1"))
+                if time == 0:
+                    inbox.listen(ends[0], ("goal",))
+                word, heard = b"%d" % time, []
+                while word not in heard:  # what is sent before they have met again is lost
+                    ends[1].publish("goal", word)
+                    heard += [m.payload for m in inbox.wait(0.1)]
+    finally:
+        for end in ends:
+            end.close()
 
 
 def test_nobody_listening_is_not_an_error_and_waiting_for_them_ends(simulator):

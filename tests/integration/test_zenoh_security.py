@@ -1,5 +1,6 @@
 """What the shipped configurations promise: who has no certificate gets nothing."""
 
+import json
 import shutil
 import socket
 import subprocess
@@ -7,11 +8,13 @@ import time
 from pathlib import Path
 
 import pytest
+import zenoh
 
 from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.errors import BusError
+from twinscrew.runtime.messages.topics import TOPICS, Direction, key
 from twinscrew.runtime.settings import CONFIG_DIR
 
 ZENOH = CONFIG_DIR / "zenoh"
@@ -25,7 +28,7 @@ def certificates(tmp_path_factory):
     """Give two folders of certificates, ours and those of somebody who made his own."""
     folders = [tmp_path_factory.mktemp(name) for name in ("ours", "theirs")]
     for folder in folders:
-        names = ["boat", "127.0.0.1", "sensors", "operator"]
+        names = ["boat", "127.0.0.1", "sensors", "operator", "stranger"]
         subprocess.run([ZENOH / "make_certificates.sh", folder, *names], check=True)
     return folders
 
@@ -123,6 +126,103 @@ def test_the_sensors_may_not_look(boat, join):
     assert watching.wait(0.3) == []
 
 
+def test_a_certificate_with_a_name_that_has_no_rights_gives_none(boat, join):
+    """The authority's, but for another purpose: it connects, and can do nothing."""
+    inbox, watching = Inbox(), Inbox()
+    inbox.listen(boat, ("points", "odometry", "goal"))
+    stranger, operator = join("stranger"), join("operator")
+    watching.listen(stranger, ("decision", "thrust_left", "diagnostics"))
+    assert operator.wait_for_subscribers(("goal",), 20)
+    for topic in ("points", "odometry", "goal"):
+        assert not stranger.wait_for_subscribers((topic,), 0.1)
+        stranger.publish(topic, b"from a stranger")
+    assert not boat.wait_for_subscribers(("decision",), 0.2)
+    for topic in ("decision", "thrust_left", "diagnostics"):
+        boat.publish(topic, b"secret")
+    operator.publish("goal", b"home")
+    assert first(inbox) == ("goal", b"home")
+    assert inbox.wait(0.2) == []
+    assert watching.wait(0.2) == []
+
+
+def rogue_settings(kind, certificates, port):
+    """What somebody who is no client of ours may try; as a peer, which never gives up."""
+    if kind == "plain tcp":
+        return ZenohSettings(connect=(f"tcp/127.0.0.1:{port}",))
+    if kind == "another authority":
+        file = Path(installed("operator.json5", certificates[1], port, "operator").config_file)
+        file.write_text(file.read_text().replace('mode: "client"', 'mode: "peer"'))
+        return ZenohSettings(config_file=str(file))
+    # knows our authority, which is no secret, and so trusts the boat; but has nothing to show
+    file = Path(certificates[0]) / f"nothing-{port}.json5"
+    file.write_text(
+        '{mode: "peer", scouting: {multicast: {enabled: false}}, transport: {link: {tls: '
+        f'{{root_ca_certificate: "{certificates[0]}/ca.pem"}}}}}}}}'
+    )
+    return ZenohSettings(config_file=str(file), connect=(f"tls/127.0.0.1:{port}",))
+
+
+@pytest.mark.parametrize("kind", ["plain tcp", "no certificate", "another authority"])
+def test_a_rogue_peer_can_neither_give_sensors_nor_goals_nor_read(
+    kind, certificates, port, boat, join
+):
+    """It tries all the time while those with rights do their work."""
+    inbox, watching, spying = Inbox(), Inbox(), Inbox()
+    inbox.listen(boat, ("points", "odometry", "goal"))
+    rogue = ZenohBus(rogue_settings(kind, certificates, port), "wamv")
+    try:
+        spying.listen(rogue, ("decision", "thrust_left", "diagnostics"))
+        operator, sensors = join("operator"), join("sensors")
+        watching.listen(operator, ("decision",))
+        assert boat.wait_for_subscribers(("decision",), 20)
+        assert sensors.wait_for_subscribers(("points",), 20)
+        assert not rogue.wait_for_subscribers(("goal",), 0.5)
+        taken, seen = [], []
+        for _ in range(20):
+            for topic in ("points", "odometry", "goal"):
+                rogue.publish(topic, b"from a rogue")
+            sensors.publish("points", b"scan")
+            boat.publish("decision", b"ahead")
+            taken += [message.payload for message in inbox.wait(0.1)]
+            seen += [message.payload for message in watching.wait(0.1)]
+        assert set(taken) == {b"scan"}
+        assert set(seen) == {b"ahead"}
+        assert spying.wait(0.1) == []
+    finally:
+        rogue.close()
+
+
+def rules():
+    """The shipped rights: which certificate may put which keys."""
+    config = zenoh.Config.from_file(ZENOH / "boat.json5")
+    control = json.loads(config.get_json("access_control"))
+    assert control["enabled"]
+    assert control["default_permission"] == "deny"
+    named = {rule["id"]: rule for rule in control["rules"]}
+    assert all(rule["permission"] == "allow" for rule in named.values())
+    rights = {}
+    for policy in control["policies"]:
+        for name in policy["subjects"]:
+            for rule in (named[id_] for id_ in policy["rules"]):
+                if "put" in rule["messages"] and "ingress" in rule["flows"]:
+                    rights.setdefault(name, []).extend(rule["key_exprs"])
+    return rights
+
+
+@pytest.mark.parametrize("format_", ["ros2dds", "rmw_zenoh"])
+@pytest.mark.parametrize("topic", TOPICS.values(), ids=lambda topic: topic.name)
+def test_each_input_is_one_certificates_to_give_and_no_output_is_anybodys(topic, format_):
+    expr = zenoh.KeyExpr(key(topic, "wamv", format_, domain=7))
+    may = {
+        name
+        for name, granted in rules().items()
+        if any(zenoh.KeyExpr(one).includes(expr) for one in granted)
+    }
+    commands = {"goal": {"operator"}, "route": {"operator"}}
+    expected = commands.get(topic.name, {"sensors"}) if topic.direction is Direction.IN else set()
+    assert may == expected
+
+
 def test_certificates_of_another_authority_do_not_connect(join):
     with pytest.raises(BusError, match=r"cannot be opened \(client, .*connecting to"):
         join("operator", folder=1)
@@ -135,5 +235,5 @@ def test_without_tls_nobody_connects(boat, port):
 
 
 def test_keys_are_readable_by_their_owner_only(certificates):
-    for key in certificates[0].glob("*.key"):
-        assert key.stat().st_mode & 0o077 == 0
+    for file in certificates[0].glob("*.key"):
+        assert file.stat().st_mode & 0o077 == 0

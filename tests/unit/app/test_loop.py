@@ -169,6 +169,18 @@ def test_a_connection_that_comes_back_is_told_once_and_each_new_break_again() ->
     assert cdr.decode_thrust(rig.thrusts[-2]) > 0.0
 
 
+def test_messages_that_the_bus_threw_away_are_told_once_and_degrade(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rig = Rig().run(5.0)
+    assert "messages_missing" not in rig.names
+    monkeypatch.setattr(MemoryBus, "missing", {"points too large": 3})
+    rig.run(3.0)
+    told = [event.detail for event in rig.events if event.name == "messages_missing"]
+    assert told == ["3 points too large"]
+    assert "active -> degraded" in [e.detail for e in rig.events if e.name == "state"]
+
+
 def test_the_garbage_collector_is_left_as_it_was() -> None:
     import gc
 

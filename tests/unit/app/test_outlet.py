@@ -103,3 +103,32 @@ def test_a_recorders_losses_are_told_when_they_begin_and_when_they_have_doubled(
 @pytest.mark.parametrize("recorder", [None, Book()])
 def test_a_recorder_that_loses_nothing_is_no_trouble(recorder: Book | None) -> None:
     assert Outlet(None, recorder).recorder_trouble() is None
+
+
+class Leaky(MemoryBus):
+    """A bus on which messages went missing."""
+
+    def __init__(self) -> None:
+        super().__init__("wamv")
+        self.counts: dict[str, int] = {}
+
+    @property
+    def missing(self) -> dict[str, int]:
+        return self.counts
+
+
+def test_what_is_missing_of_the_bus_is_told_by_topic_when_it_begins_and_when_it_has_doubled() -> (
+    None
+):
+    bus = Leaky()
+    outlet = Outlet(bus, None)
+    assert outlet.bus_trouble() is None
+    bus.counts = {"points too large": 1}
+    assert outlet.bus_trouble() == "1 points too large"
+    assert outlet.bus_trouble() is None
+    bus.counts["odometry lost"] = 2
+    assert outlet.bus_trouble() == "1 points too large, 2 odometry lost"
+
+
+def test_without_a_bus_nothing_is_missing_on_it() -> None:
+    assert Outlet(None, None).bus_trouble() is None

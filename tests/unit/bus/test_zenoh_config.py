@@ -44,6 +44,50 @@ def test_a_file_rules_where_the_settings_say_nothing(tmp_path):
     assert value(config, "listen/endpoints") == ["tcp/127.0.0.1:1"]
 
 
+@pytest.mark.parametrize("text", ['{mode: "peer"}', '{mode: "router"}', "{}"])
+def test_a_file_that_says_nothing_of_it_neither_listens_nor_looks_for_others(tmp_path, text):
+    """Zenoh alone would listen at every address of the machine."""
+    file = tmp_path / "zenoh.json5"
+    file.write_text(text)
+    config = zenoh_config(ZenohSettings(config_file=str(file)))
+    assert value(config, "listen/endpoints") == []
+    assert value(config, "scouting/multicast/enabled") is False
+
+
+def test_a_file_may_listen_and_look_for_others_if_it_says_so(tmp_path):
+    file = tmp_path / "zenoh.json5"
+    file.write_text(
+        '{listen: {endpoints: ["tls/0.0.0.0:7447"]}, scouting: {multicast: {enabled: true}}}'
+    )
+    config = zenoh_config(ZenohSettings(config_file=str(file)))
+    assert value(config, "listen/endpoints") == ["tls/0.0.0.0:7447"]
+    assert value(config, "scouting/multicast/enabled") is True
+
+
+@pytest.mark.parametrize("which", ["listen_private_key", "connect_private_key"])
+def test_a_private_key_that_others_may_read_is_refused_by_name(tmp_path, which):
+    key, file = tmp_path / "boat.key", tmp_path / "zenoh.json5"
+    key.write_text("secret")
+    file.write_text(f'{{transport: {{link: {{tls: {{{which}: "{key}"}}}}}}}}')
+    key.chmod(0o600)
+    zenoh_config(ZenohSettings(config_file=str(file)))
+    key.chmod(0o640)
+    with pytest.raises(ConfigError, match=r"boat\.key: others may use this key .*chmod 600"):
+        zenoh_config(ZenohSettings(config_file=str(file)))
+    key.unlink()
+    with pytest.raises(ConfigError, match=r"boat\.key: No such file"):
+        zenoh_config(ZenohSettings(config_file=str(file)))
+
+
+@pytest.mark.parametrize("limit_mb", [1.0, 64.0])
+def test_zenoh_itself_gives_up_a_message_of_twice_the_limit(tmp_path, limit_mb):
+    file = tmp_path / "zenoh.json5"
+    file.write_text("{}")
+    for settings in ({}, {"config_file": str(file)}):
+        config = zenoh_config(ZenohSettings(max_message_mb=limit_mb, **settings))
+        assert value(config, "transport/link/rx/max_message_size") == 2_000_000 * limit_mb
+
+
 @pytest.mark.parametrize("text", ["{mode: ", '{mode: "captain"}', '{"mod": 1}', "\x00"])
 def test_a_file_that_is_no_configuration_is_refused_by_name(tmp_path, text):
     file = tmp_path / "broken.json5"
