@@ -58,16 +58,12 @@ class OdometrySource(Enum):
     """The `odometry` topic: what the simulated sensor measures."""
     AUTOPILOT = "autopilot"
     """What the autopilot says of its position, velocity and attitude."""
+    AUTOPILOT_ODOMETRY = "autopilot_odometry"
+    """The same in one message, ODOMETRY, which ArduPilot does not send."""
     GPS_IMU = "gps_imu"
     """A filter of what a simulated GPS and IMU measure, with VRX's rates and noise."""
 
 
-    AUTOPILOT_ODOMETRY = "autopilot_odometry"
-    """The same in one message, ODOMETRY, which ArduPilot does not send."""
-class SitlSettings(Settings, frozen=True):
-    """What to sail with."""
-
-    sensor: str = "vrx32"
 _RUNTIMES_SOURCE: dict[OdometrySource, Literal["bus", "autopilot", "gps_imu"]] = {
     OdometrySource.BUS: "bus",
     OdometrySource.AUTOPILOT: "autopilot",
@@ -76,6 +72,10 @@ _RUNTIMES_SOURCE: dict[OdometrySource, Literal["bus", "autopilot", "gps_imu"]] =
 }
 
 
+class SitlSettings(Settings, frozen=True):
+    """What to sail with."""
+
+    sensor: str = "vrx32"
     policy: str = "ac_iqn"
     seed: int = 0
     lockstep: bool = False
@@ -139,6 +139,11 @@ def sail(
     """
     if settings.lockstep and settings.autopilot is AutopilotKind.ARDUPILOT:
         raise ConfigError("ArduPilot runs in real time only: without --lockstep", key="autopilot")
+    if (settings.autopilot, settings.odometry) == (
+        AutopilotKind.ARDUPILOT,
+        OdometrySource.AUTOPILOT_ODOMETRY,
+    ):
+        raise ConfigError("ArduPilot sends no ODOMETRY: autopilot", key="odometry")
     if settings.processes and not settings.lockstep:
         raise ConfigError(
             "in real time each has its process anyway: with --lockstep", key="processes"
@@ -147,13 +152,6 @@ def sail(
     folders = [folder / name for name in scenario.names] if folder else []
     configs = [
         _config(settings, scenario, i, str(folders[i]) if folders else "")
-    if settings.ground and settings.autopilot is AutopilotKind.ARDUPILOT:
-        raise ConfigError("ArduPilot has ports of its own: tcp:127.0.0.1:5762, ...", key="ground")
-    if (settings.autopilot, settings.odometry) == (
-        AutopilotKind.ARDUPILOT,
-        OdometrySource.AUTOPILOT_ODOMETRY,
-    ):
-        raise ConfigError("ArduPilot sends no ODOMETRY: autopilot", key="odometry")
         for i in range(scenario.vessels)
     ]
     begin_s = time.monotonic()
@@ -235,6 +233,7 @@ def _voyage(
 
 def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: str) -> RuntimeConfig:
     policy = Path(settings.policy)
+    whole = settings.odometry is OdometrySource.AUTOPILOT_ODOMETRY
     return RuntimeConfig(
         name=scenario.names[index],
         sensor=settings.sensor,
@@ -244,10 +243,10 @@ def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: str)
         mission=MissionSettings(goal_radius_m=scenario.goal_radius),
         autopilot=AutopilotSettings(
             system_id=index + 1,
-    whole = settings.odometry is OdometrySource.AUTOPILOT_ODOMETRY
             arm=True,
             receiver_fitted=False,
             write_parameters=settings.write_params,
+            state_message="odometry" if whole else "local_position",
             datum=DATUM,
         ),
         recording=RecordingSettings(folder=folder),
@@ -257,7 +256,6 @@ def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: str)
 def _vessel_reports(result: VoyageResult, runs: Sequence[RunSummary]) -> tuple[VesselReport, ...]:
     energy = result.log.energy_ns()
     return tuple(
-            state_message="odometry" if whole else "local_position",
         VesselReport(
             name=vessel.name,
             outcome=vessel.outcome.value if vessel.outcome else "timeout",
