@@ -25,6 +25,7 @@ from twinscrew.runtime.app.config import RecordingSettings, RuntimeConfig
 from twinscrew.runtime.app.latency import LatencySummary
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.replay import combined_sha256
+from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.app.session import RunSummary, read_summary
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.estimation.estimator import EstimationSettings

@@ -42,11 +42,32 @@ class Fleet(Protocol):
 
 
 class SimulatedFleet:
+class Autopilot(Protocol):
+    """What asks something of the propellers."""
+
+    def thrust_command_N(self) -> Float64:
+        """Give the thrust, (2,) [N] left and right, that the outputs ask of the propellers."""
+
+
+class OnTheNet(Protocol):
+    """An autopilot with its connection, as `AutopilotOnTheNet`."""
+
+    @property
+    def autopilot(self) -> Autopilot:
+        """Whose connection it is."""
+
+    def step(self, now_s: float, vehicle: Odometry | None) -> None:
+        """Take what came, let time pass, send what is due; never waits."""
+
+    def close(self) -> None:
+        """Close the connection."""
+
+
     """Our simulated autopilots, each on a UDP port of its own."""
 
     patience_s = 0.0
 
-    def __init__(self, pilots: Sequence[AutopilotOnTheNet], ports: Sequence[int]) -> None:
+    def __init__(self, pilots: Sequence[OnTheNet], ports: Sequence[int]) -> None:
         """Take autopilots, and the ports on which they listen."""
         self._pilots = pilots
         self._ports = ports

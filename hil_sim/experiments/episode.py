@@ -25,8 +25,9 @@ from twinscrew.hil_sim.experiments.witness import WitnessWorld
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.vessel.parameters import load_vessel
-from twinscrew.runtime.app.config import RecordingSettings, RuntimeConfig
+from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.mission import MissionSettings
+from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.errors import TwinscrewError
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.perception.sensor import load_sensor

@@ -4,16 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from twinscrew.hil_sim.autopilot.udp import AutopilotOnTheNet
 from twinscrew.hil_sim.drivers.fleet import LOOPBACK, SimulatedFleet
 from twinscrew.hil_sim.faults.line import Line
 from twinscrew.hil_sim.faults.mavlink_line import FaultyTransport
 from twinscrew.hil_sim.faults.proxy import Proxy
 from twinscrew.hil_sim.faults.remote_autopilot import RemoteAutopilot
 from twinscrew.runtime.link.sockets import UdpTransport
+from twinscrew.runtime.link.transport import Transport
+from twinscrew.runtime.messages.types import Odometry
 
 SENSORS = ("points", "odometry", "gps", "imu")
 TOPICS = (*SENSORS, "goal")
+
+
+class Berth:
+    """An autopilot in another process, with its connection."""
+
+    def __init__(self, autopilot: RemoteAutopilot, transport: Transport) -> None:
+        self.autopilot = autopilot
+        self._transport = transport
+
+    def step(self, now_s: float, vehicle: Odometry | None) -> None:
+        """Take what came, let time pass, send what is due; never waits."""
+        self.autopilot.receive(self._transport.receive(), now_s)
+        self._transport.send(self.autopilot.step(now_s, vehicle))
+
+    def close(self) -> None:
+        """Close the connection, and switch the autopilot off."""
+        self._transport.close()
+        self.autopilot.close()
 
 
 class Rig:
@@ -31,7 +50,7 @@ class Rig:
             socket, self.lines["to_autopilot"], self.lines["from_autopilot"], clock
         )
         self.port = socket.port
-        self.net = AutopilotOnTheNet(self.autopilot, transport)
+        self.net = Berth(self.autopilot, transport)
         self.goal = b""
         """The goal that it was given."""
         self._proxy: Proxy | None = None
@@ -57,7 +76,6 @@ class Rig:
 
     def close(self) -> None:
         """Stop what stands between; the autopilot is closed with its fleet."""
-        self.autopilot.close()
         if self._proxy is not None:
             self._proxy.close()
 

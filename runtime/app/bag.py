@@ -13,15 +13,15 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO, Final, Literal
+from typing import Any, BinaryIO, Final
 
 from mcap.writer import CompressionType, Writer
 
 from twinscrew.runtime.app.bag_metadata import FileContents, metadata_yaml
+from twinscrew.runtime.app.recording_settings import BagSettings
 from twinscrew.runtime.errors import RecordingError
 from twinscrew.runtime.messages.definitions import definition
 from twinscrew.runtime.messages.topics import TOPICS, ros_name
-from twinscrew.runtime.settings import Count, Positive, Settings
 
 METADATA_RECORD: Final = "twinscrew"
 """Name of the MCAP metadata record that says what the recording is of; values are JSON."""
@@ -32,21 +32,6 @@ _COMPRESSIONS: Final = {
     "lz4": CompressionType.LZ4,
     "zstd": CompressionType.ZSTD,
 }
-
-
-class BagSettings(Settings, frozen=True):
-    """How recordings are kept on the disk."""
-
-    rotate_mb: Positive = 1000.0
-    """[MB] A file that has grown to this is closed and the next begun."""
-    rotate_s: Positive = 600.0
-    """[s] So is a file of this age, by the messages' times."""
-    quota_mb: Positive = 20_000.0
-    """[MB] Beyond this the oldest files of the recording are deleted."""
-    chunk_kb: Count = 8
-    """[kB] Size of a chunk: what a crash can cost. A larger message is a chunk of its own."""
-    compression: Literal["none", "lz4", "zstd"] = "none"
-    """zstd takes some 20 % off clouds of float32, for about 1 ms a scan."""
 
 
 @dataclass(slots=True)

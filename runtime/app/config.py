@@ -15,6 +15,7 @@ from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.odometry_buffer import OdometryBufferSettings
 from twinscrew.runtime.app.odometry_source import AlignmentSettings
 from twinscrew.runtime.app.priority import PrioritySettings
+from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.link.autopilot import AutopilotSettings
@@ -27,13 +28,6 @@ from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.settings import Positive, Settings, load
 from twinscrew.runtime.tracking.tracker import TrackerSettings
-
-
-class RecordingSettings(Settings, frozen=True):
-    """What is kept of a run."""
-
-    folder: str = ""
-    """Where the recording (rosbag2, MCAP) and the summary go; empty: nothing is kept."""
 
 
 class RuntimeConfig(Settings, frozen=True):

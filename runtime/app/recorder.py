@@ -10,23 +10,14 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from twinscrew.runtime.app.bag import BagSettings, BagWriter
+from twinscrew.runtime.app.bag import BagWriter
+from twinscrew.runtime.app.recording_settings import RecorderSettings
 from twinscrew.runtime.errors import RecordingError, one_of
 from twinscrew.runtime.messages.definitions import type_store
 from twinscrew.runtime.messages.topics import TOPICS
-from twinscrew.runtime.settings import Positive
 
 _SOFTWARE: Final = ("twinscrew", "numpy", "scipy", "filterpy", "onnxruntime", "eclipse-zenoh")
 """What a decision's bits may depend on."""
-
-
-class RecorderSettings(BagSettings, frozen=True):
-    """How a run is recorded."""
-
-    queue_mb: Positive = 64.0
-    """[MB] What may wait for the disk; messages beyond it are dropped and counted."""
-    flush_s: Positive = 0.25
-    """[s] How often what waits is written: how much `kill -9` can cost, besides a chunk."""
 
 
 class Recorder:

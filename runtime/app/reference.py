@@ -48,6 +48,12 @@ def as_toml(settings: Settings, path: tuple[str, ...] = ()) -> Iterator[str]:
 
 
 def _docstrings(type_: type[Settings]) -> dict[str, str]:
+    """Find the docstring under each field, inherited ones too."""
+    lineage = [t for t in reversed(type_.__mro__) if issubclass(t, Settings) and t is not Settings]
+    return {name: text for one in lineage for name, text in _own_docstrings(one).items()}
+
+
+def _own_docstrings(type_: type[Settings]) -> dict[str, str]:
     """Find the docstring under each field; the interpreter does not keep them."""
     tree = ast.parse(textwrap.dedent(inspect.getsource(type_)))
     (body,) = (node.body for node in tree.body if isinstance(node, ast.ClassDef))

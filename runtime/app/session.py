@@ -200,5 +200,10 @@ class Session:
             ) from error
         metadata = metadata_of(self._config, policy)
         return self._stack.enter_context(
-            Recorder(unused(self._folder / "recording"), self._config.name, metadata)
+            Recorder(
+                unused(self._folder / "recording"),
+                self._config.name,
+                metadata,
+                self._config.recording,
+            )
         )

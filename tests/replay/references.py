@@ -20,10 +20,11 @@ import numpy as np
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlSettings, sail
 from twinscrew.runtime.app.assemble import make_core
-from twinscrew.runtime.app.bag import BagSettings, BagWriter
+from twinscrew.runtime.app.bag import BagWriter
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.recorder import software
 from twinscrew.runtime.app.recording import Recording, find_recordings
+from twinscrew.runtime.app.recording_settings import BagSettings
 from twinscrew.runtime.app.session import metadata_of
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.safety.assurance import AssuranceSettings

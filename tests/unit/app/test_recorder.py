@@ -11,8 +11,9 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 
 from twinscrew.runtime.app.bag import BagWriter
-from twinscrew.runtime.app.recorder import Recorder, RecorderSettings
+from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.app.recording import find_recordings
+from twinscrew.runtime.app.recording_settings import RecorderSettings
 from twinscrew.runtime.errors import RecordingError
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Engagement
