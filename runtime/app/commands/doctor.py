@@ -27,8 +27,9 @@ def doctor(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Check this machine and this installation, line by line; exit status 1 if a line says FAIL."""
-    from twinscrew.runtime.app.checks import Verdict, examine
+    from twinscrew.runtime.app.checks import examine
     from twinscrew.runtime.app.config import RuntimeConfig, load_config
+    from twinscrew.runtime.app.finding import Verdict
 
     settings = load_config(config) if config is not None else _at_home(RuntimeConfig())
     folder = Path(settings.recording.folder or "runs")

@@ -2,19 +2,17 @@
 
 import os
 import socket
-from collections import namedtuple
 from collections.abc import Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from twinscrew.runtime.app import checks
-from twinscrew.runtime.app.checks import Finding, Verdict, examine
+from twinscrew.runtime.app.checks import examine
 from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.finding import Finding, Verdict
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.link.autopilot import AutopilotSettings
-from twinscrew.runtime.policy import load
 
 HOST = "127.0.0.1"
 AT_HOME = ZenohSettings(connect=())
@@ -56,11 +54,15 @@ def test_on_this_machine_nothing_fails(tmp_path: Path) -> None:
         "packages",
         "native kernels",
         "processor",
+        "memory",
         "clock",
         "priority",
         "disk",
+        "permissions",
+        "network",
         "sensor",
         "policy",
+        "policy card",
         "autopilot port",
         "Zenoh",
     ]
@@ -89,23 +91,15 @@ def test_a_policy_that_does_not_exist_fails(tmp_path: Path) -> None:
     failed(line("policy", tmp_path, policy="clairvoyant"), "clairvoyant", "ac_iqn")
 
 
-def test_a_policy_that_answers_differently_each_time_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    class Moody:
-        name, period_s = "moody", 0.5
-        rng = np.random.default_rng(0)
-
-        def act(self, observation: object) -> object:
-            return self.rng.normal(size=2)
-
-    monkeypatch.setattr(load, "load_policy", lambda *args: Moody())
-    failed(line("policy", tmp_path), "answers differ")
-
-
 def test_an_autopilots_port_in_use_fails(tmp_path: Path, busy_port: int) -> None:
     busy = AutopilotSettings(connection=f"udpin:{HOST}:{busy_port}")
     failed(line("autopilot port", tmp_path, autopilot=busy), str(busy_port), "in use")
+
+
+def test_a_serial_line_that_is_not_there_fails_twice_with_what_to_do(tmp_path: Path) -> None:
+    away = AutopilotSettings(connection=f"serial:{tmp_path / 'ttyACM0'}:921600")
+    failed(line("autopilot port", tmp_path, autopilot=away), "ttyACM0")
+    failed(line("permissions", tmp_path, autopilot=away), "ttyACM0", "is not there")
 
 
 def test_a_zenoh_port_in_use_fails(tmp_path: Path) -> None:
@@ -122,29 +116,3 @@ def test_a_folder_that_cannot_be_written_to_fails(
 ) -> None:
     monkeypatch.setattr(os, "access", lambda path, mode: False)
     failed(line("disk", tmp_path / "new" / "run"), str(tmp_path), "cannot be written")
-
-
-def test_a_nearly_full_disk_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr(checks.shutil, "disk_usage", lambda path: usage(9e9, 8e9, 1e9))
-    found = line("disk", tmp_path)
-    assert (found.verdict, found.found.split(" at ")[0]) == (Verdict.WARN, "1.0 GB free")
-
-
-@pytest.mark.parametrize(
-    ("cores", "load", "verdict"), [(1, 0.1, "WARN"), (4, 9.0, "WARN"), (4, 1.0, "OK")]
-)
-def test_the_processor_must_have_room(
-    monkeypatch: pytest.MonkeyPatch, cores: int, load: float, verdict: str
-) -> None:
-    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: set(range(cores)))
-    monkeypatch.setattr(os, "getloadavg", lambda: (load, load, load))
-    assert checks.check_cores().verdict.value == verdict
-
-
-def test_a_date_before_the_software_was_made_is_a_warning(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    epoch = checks.time.gmtime(0)
-    monkeypatch.setattr(checks.time, "gmtime", lambda: epoch)
-    assert checks.check_clock().verdict is Verdict.WARN
