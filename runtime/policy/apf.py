@@ -11,16 +11,16 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 
 from twinscrew.runtime.messages.types import Float64, Observation
-from twinscrew.runtime.policy.colregs import ColregsSettings, Situation, situation
-from twinscrew.runtime.policy.observation import require_finite
-from twinscrew.runtime.policy.rollout import action_set, alignment, rollout, seen_objects
-from twinscrew.runtime.policy.vessel_model import VesselModel, VesselParameters
-from twinscrew.runtime.settings import NonNegative, Positive, Settings
+from twinscrew.runtime.policy.colregs import Situation, situation
+from twinscrew.runtime.policy.planner import Planner, PlannerSettings, seen_objects
+from twinscrew.runtime.policy.rollout import alignment
+from twinscrew.runtime.settings import NonNegative, Positive
 
 
-class ApfSettings(Settings, frozen=True, kw_only=True):
+class ApfSettings(PlannerSettings, frozen=True, kw_only=True):
     """The potential field (paper, sec. VI)."""
 
     attraction: Positive = 50.0
@@ -31,71 +31,65 @@ class ApfSettings(Settings, frozen=True, kw_only=True):
     """[m] d_0: what is farther does not repel."""
     nearest_m: Positive = 0.5
     """[m] Distances count as no less than this: the potential has a pole."""
-    clearance_m: NonNegative = 3.0
-    """[m] Distances are between the hulls' surfaces, less this. The paper does not say which
-    distance it means: between centres, 500 and 50 let vessels touch."""
+    clearance_m: NonNegative = 1.0
+    """[m] Distances are between the hulls' surfaces, less this. The paper's formula has the
+    distance between positions: with it, 500 and 50 let nearly all vessels touch."""
     virtual_obstacles: Annotated[int, Meta(ge=0)] = 4
     """[-] How many stand where COLREGs forbid to go."""
     virtual_spacing_m: Positive = 5.0
     """[m] Distance between them."""
     speed_weight: NonNegative = 0.15
-    """[rad s/m] What speed along the force is worth against heading along it."""
-    own_radius_m: NonNegative = 2.795
-    """[m] Radius of the own hull."""
-    period_s: Positive = 0.5
-    """[s] Time between two decisions."""
-    integration_s: Positive = 0.05
-    """[s] Longest time step of the simulated vessel."""
-    colregs: ColregsSettings = ColregsSettings()
-    vessel: VesselParameters = VesselParameters()
+    """[rad s/m] What a wrong speed along the force costs, against a wrong heading."""
+    arrival_s: Positive = 4.0
+    """[s] The force asks for a speed of |F| / k_att a so long: near the goal, what is left of the
+    way in this time. The authors' code wants all speed along F always; so a vessel circles its
+    goal at its turning radius, which is why they count 4 m as there."""
 
 
-class ApfPolicy:
+class ApfPolicy(Planner):
     """The potential field as a policy."""
 
     name = "apf"
 
     def __init__(self, settings: ApfSettings | None = None) -> None:
         self.settings = settings or ApfSettings()
-        self._model = VesselModel(self.settings.vessel)
-        self._actions = action_set()
+        super().__init__(self.settings)
 
-    @property
-    def period_s(self) -> float:
-        """[s] Time between two decisions."""
-        return self.settings.period_s
+    def costs(self, observation: Observation) -> Float64:
+        """Give the difference between the velocity one decision later and the force, (25,).
 
-    def act(self, observation: Observation) -> Float64:
-        """Give the thrust rates, (2,) [N/s], whose outcome fits the force best."""
-        require_finite(observation)
+        In direction, by the heading: a hull goes where its bow points, and one decision is too
+        short to tell by the velocity where a turn leads. In size, along the force.
+        """
         settings = self.settings
         force = total_force(observation, settings)
-        after = rollout(
-            self._model,
-            observation.ego.astype(np.float64),
-            self._actions,
-            steps=1,
-            step_s=settings.period_s,
-            dt=settings.integration_s,
-        )
+        after = self._simulate(observation, steps=1, step_s=settings.period_s)
         angle, speed = alignment(after.pose[0, :, 2], after.velocity[0], force)
-        best = int(np.argmax(settings.speed_weight * speed - angle))
-        action: Float64 = self._actions[best].copy()
-        return action
-
-    def reset(self) -> None:
-        """Do nothing: the field remembers nothing."""
+        wanted = math.hypot(*force) / (settings.attraction * settings.arrival_s)
+        wrong = np.abs(speed - min(wanted, settings.vessel.top_speed))
+        cost: Float64 = angle + settings.speed_weight * wrong
+        return cost
 
 
 def total_force(observation: Observation, settings: ApfSettings) -> Float64:
-    """Give F = -grad U_att - grad U_rep, (2,), frame B."""
+    """Give F = -grad U_att - grad U_rep, (2,), frame B.
+
+    Of moving objects only those count that are approached. What stands still always counts: who
+    has just turned away from a buoy would turn back to it at once, and so on for ever.
+    """
     goal = observation.ego[:2].astype(np.float64)
     velocity = observation.ego[2:4].astype(np.float64)
     p, v, radius = obstacles(observation, settings)
-    approached = np.sum(p * (velocity - v), axis=1) > 0.0
-    repulsion = repulsive_forces(p[approached], radius[approached], goal, settings)
+    repels = is_static(v, settings) | (np.sum(p * (velocity - v), axis=1) > 0.0)
+    repulsion = repulsive_forces(p[repels], radius[repels], goal, settings)
     force: Float64 = attractive_force(goal, settings) + repulsion.sum(axis=0)
     return force
+
+
+def is_static(v: Float64, settings: ApfSettings) -> NDArray[np.bool_]:
+    """Tell, (K,), which velocities, (K, 2) [m/s], are no vessel's under way."""
+    static: NDArray[np.bool_] = np.hypot(v[:, 0], v[:, 1]) < settings.colregs.min_speed_mps
+    return static
 
 
 def attractive_force(goal: Float64, settings: ApfSettings) -> Float64:
@@ -133,7 +127,7 @@ def repulsive_forces(p: Float64, radius: Float64, goal: Float64, settings: ApfSe
 
 def obstacles(observation: Observation, settings: ApfSettings) -> tuple[Float64, Float64, Float64]:
     """Give everything that repels: positions [m], velocities [m/s], both (K, 2), radii (K,) [m]."""
-    objects = seen_objects(observation)
+    objects = seen_objects(observation, settings)
     virtual = virtual_obstacles(observation, settings)
     seen = np.concatenate([objects, virtual])
     return seen[:, :2], seen[:, 2:4], seen[:, 4] + settings.own_radius_m + settings.clearance_m
@@ -146,7 +140,7 @@ def virtual_obstacles(observation: Observation, settings: ApfSettings) -> Float6
     to starboard of the other vessel, so that both pass port to port. Each is as large as the
     vessel that it belongs to.
     """
-    objects = seen_objects(observation)
+    objects = seen_objects(observation, settings)
     v_ego = np.broadcast_to(observation.ego[2:4].astype(np.float64), (len(objects), 2))
     found = situation(objects[:, :2], objects[:, 2:4], v_ego, settings.colregs)
     steps = settings.virtual_spacing_m * np.arange(1, settings.virtual_obstacles + 1)

@@ -10,43 +10,33 @@ from __future__ import annotations
 import numpy as np
 
 from twinscrew.runtime.messages.types import Float64, Observation
-from twinscrew.runtime.policy.colregs import (
-    ColregsSettings,
-    Situation,
-    situation,
-    starboard_turn,
-)
-from twinscrew.runtime.policy.observation import require_finite
-from twinscrew.runtime.policy.rollout import (
-    Rollout,
-    action_set,
-    alignment,
-    rollout,
-    seen_objects,
-)
-from twinscrew.runtime.policy.vessel_model import VesselModel, VesselParameters
-from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings
+from twinscrew.runtime.policy.colregs import Situation, situation, starboard_turn
+from twinscrew.runtime.policy.planner import Planner, PlannerSettings, seen_objects
+from twinscrew.runtime.policy.rollout import Rollout, alignment
+from twinscrew.runtime.settings import Count, NonNegative, Positive
 
 
-class MpcSettings(Settings, frozen=True, kw_only=True):
+class MpcSettings(PlannerSettings, frozen=True, kw_only=True):
     """The horizon and the cost (paper, sec. VI; the authors' code where it is silent)."""
 
     steps: Count = 5
-    """[-] Control steps in the horizon."""
-    step_s: Positive = 0.5
-    """[s] Length of one: the decision period. The authors' code has 0.2."""
-    integration_s: Positive = 0.1
-    """[s] Longest time step of the simulated vessel."""
+    """[-] T: control steps in the horizon."""
+    step_s: Positive = 0.8
+    """[s] Length of one, so that the horizon is 4 s. The paper does not say it. With the authors'
+    0.2 s, or one decision period, the way round a buoy is never seen: vessels hit it or lie there.
+    """
     goal_steps: Count = 1
-    """[-] The way to the goal is judged over these first control steps: by then the vessel decides
-    afresh. Over the whole horizon a turn would seem to last, and braking would always win."""
+    """[-] The way to the goal is judged over these first control steps: soon after the vessel
+    decides afresh. Over the whole horizon a turn would seem to last, and braking would win."""
     goal_weight: NonNegative = 20.0
     """[1/rad] What heading off the goal costs."""
-    speed_weight: NonNegative = 0.15
-    """[rad s/m] What speed towards the goal is worth against heading towards it."""
-    safe_distance_m: Positive = 10.0
-    """[m] d_safe, between centres: nothing farther is a risk."""
-    risk_floor_m: Positive = 9.0
+    speed_weight: NonNegative = 0.7
+    """[rad s/m] What speed towards the goal is worth against heading towards it. With the authors'
+    0.15, to lie before a buoy for ever is cheaper than to turn by half a radian."""
+    safe_distance_m: Positive = 4.0
+    """[m] d_safe, between surfaces: nothing farther is a risk. The authors' 10 m between centres,
+    less the hulls of two vessels."""
+    risk_floor_m: Positive = 2.0
     """[m] The risk rises no more when nearer than this."""
     risk_power: NonNegative = 4.0
     """[-] q: how steeply the risk rises with nearness."""
@@ -54,66 +44,41 @@ class MpcSettings(Settings, frozen=True, kw_only=True):
     """[-] p: how fast the risk falls with the time until then, in control steps."""
     contact_cost: NonNegative = 50.0
     """[-] What a contact costs."""
+    contact_margin_m: NonNegative = 1.0
+    """[m] Surfaces so near are in contact."""
     colregs_cost: NonNegative = 10.0
     """[-] kappa M: what a violation of COLREGs costs."""
-    violation_rad: Positive = 0.262
-    """[rad] Costs that when the course is 15 degrees short of the compliant one, on average."""
+    violation_rad: Positive = 0.15
+    """[rad] Costs that when the course is 9 degrees short of the compliant one, on average."""
     transition_cost: NonNegative = 2.0
     """[-] lambda: what it costs to bring a vessel from port to starboard."""
+    transition_range_m: Positive = 10.0
+    """[m] Between centres; a vessel farther off may change sides."""
     effort_weight: NonNegative = 0.0005
     """[1/(N s)] What thrust costs."""
-    own_radius_m: NonNegative = 2.795
-    """[m] Radius of the own hull."""
-    period_s: Positive = 0.5
-    """[s] Time between two decisions."""
-    colregs: ColregsSettings = ColregsSettings()
-    vessel: VesselParameters = VesselParameters()
 
 
-class MpcPolicy:
+class MpcPolicy(Planner):
     """The predictive controller as a policy."""
 
     name = "mpc"
 
     def __init__(self, settings: MpcSettings | None = None) -> None:
         self.settings = settings or MpcSettings()
-        self._model = VesselModel(self.settings.vessel)
-        self._actions = action_set()
-
-    @property
-    def period_s(self) -> float:
-        """[s] Time between two decisions."""
-        return self.settings.period_s
-
-    def act(self, observation: Observation) -> Float64:
-        """Give the thrust rates, (2,) [N/s], of the cheapest prediction."""
-        require_finite(observation)
-        costs = self.costs(observation)
-        action: Float64 = self._actions[int(np.argmin(costs))].copy()
-        return action
+        super().__init__(self.settings)
 
     def costs(self, observation: Observation) -> Float64:
         """Give H, (25,), of each action of `action_set`."""
         settings = self.settings
-        future = rollout(
-            self._model,
-            observation.ego.astype(np.float64),
-            self._actions,
-            steps=settings.steps,
-            step_s=settings.step_s,
-            dt=settings.integration_s,
-        )
+        future = self._simulate(observation, settings.steps, settings.step_s)
         goal = observation.ego[:2].astype(np.float64)
-        objects = seen_objects(observation)
+        objects = seen_objects(observation, settings)
         cost = goal_cost(future, goal, settings) + effort_cost(future, settings)
         if len(objects):
             per_object = collision_cost(future, objects, settings)
             per_object += colregs_cost(future, objects, settings)
             cost += per_object.max(axis=-1)
         return cost
-
-    def reset(self) -> None:
-        """Do nothing: every decision starts afresh."""
 
 
 def goal_cost(future: Rollout, goal: Float64, settings: MpcSettings) -> Float64:
@@ -142,8 +107,8 @@ def relative_positions(future: Rollout, objects: Float64, settings: MpcSettings)
 def collision_cost(future: Rollout, objects: Float64, settings: MpcSettings) -> Float64:
     """Give max_t C R, (K, M): how near, how soon. Hagen et al. (2018), eqs. 5 and 6."""
     p = relative_positions(future, objects, settings)
-    d = np.hypot(p[..., 0], p[..., 1])
-    contact = d <= objects[:, 4] + settings.own_radius_m
+    d = np.hypot(p[..., 0], p[..., 1]) - objects[:, 4] - settings.own_radius_m
+    contact = d <= settings.contact_margin_m
     cost = np.maximum(settings.safe_distance_m - d, 0.0) + settings.contact_cost * contact
     nearness = settings.safe_distance_m / np.maximum(d, settings.risk_floor_m)
     soon = 1.0 / np.arange(1, settings.steps + 1)[:, None, None] ** settings.risk_decay
@@ -181,6 +146,6 @@ def to_starboard(future: Rollout, objects: Float64, p: Float64, settings: MpcSet
     now_to_port = objects[:, 1] < 0.0
     cosine, sine = np.cos(future.pose[..., 2]), np.sin(future.pose[..., 2])
     starboard = cosine[..., None] * p[..., 1] - sine[..., None] * p[..., 0] > 0.0
-    near = np.hypot(p[..., 0], p[..., 1]) <= settings.safe_distance_m
+    near = np.hypot(p[..., 0], p[..., 1]) <= settings.transition_range_m
     crossed: Float64 = (moving & now_to_port & starboard & near).astype(np.float64)
     return crossed

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twinscrew.runtime.messages.types import Float64, Observation
+from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.policy.vessel_model import VesselModel
 
 LEVELS = (-1000.0, -500.0, 0.0, 500.0, 1000.0)
@@ -70,11 +70,6 @@ def rollout(
             pose, nu = model.step(pose, nu, thrust, step_s / substeps)
         poses[step], nus[step], thrusts[step] = pose, nu, thrust
     return Rollout(pose=poses, nu=nus, thrust=thrusts)
-
-
-def seen_objects(observation: Observation) -> Float64:
-    """Give the objects that are no padding, (K, 5) float64."""
-    return observation.objects[observation.mask > 0].astype(np.float64)
 
 
 def alignment(heading: Float64, velocity: Float64, direction: Float64) -> tuple[Float64, Float64]:

@@ -99,6 +99,13 @@ class VesselParameters(Settings, frozen=True):
         """[m] Of the circle that holds the vessel: 2.795 m for a WAM-V 16."""
         return math.hypot(self.length, self.width) / 2
 
+    @property
+    def top_speed(self) -> float:
+        """[m/s] Straight ahead at full thrust, where X_u u + X_uu u^2 = 2 T_max."""
+        force, linear, quadratic = 2 * self.thrust_max_n, -self.x_u, -self.x_uu
+        drag = linear + math.sqrt(linear**2 + 4 * quadratic * force)
+        return 2 * force / drag if drag else math.inf
+
 
 class VesselModel:
     """The equations of motion; pure, every argument may have any leading batch dimensions."""

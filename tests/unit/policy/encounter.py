@@ -1,4 +1,7 @@
-"""Vessels of the 3-DoF model that meet, each under the same policy, seeing the truth."""
+"""Vessels of the 3-DoF model that meet, each under the same policy, seeing where all is.
+
+Of radii they see 0.8, as in the training environment.
+"""
 
 import numpy as np
 
@@ -18,18 +21,19 @@ def observation(ego=(30.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), objects=()):
     return Observation(ego=np.array(ego, dtype=np.float32), objects=rows, mask=mask)
 
 
-def _seen(i, pose, nu, thrust, goals):
+def _seen(i, pose, nu, thrust, goals, buoys):
     others = [j for j in range(len(pose)) if j != i]
     c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
     v_N = np.column_stack([c * nu[:, 0] - s * nu[:, 1], s * nu[:, 0] + c * nu[:, 1]])
+    count = len(others) + len(buoys)
     tracks = Tracks(
         stamp_ns=0,
-        id=np.array(others),
-        p_N=pose[others, :2],
-        v_N=v_N[others],
-        radius=np.full(len(others), RADIUS),
-        covariance=np.zeros((len(others), 4, 4)),
-        age_s=np.zeros(len(others)),
+        id=np.arange(count),
+        p_N=np.concatenate([pose[others, :2], buoys[:, :2]]),
+        v_N=np.concatenate([v_N[others], np.zeros((len(buoys), 2))]),
+        radius=0.8 * np.concatenate([np.full(len(others), RADIUS), buoys[:, 2]]),
+        covariance=np.zeros((count, 4, 4)),
+        age_s=np.zeros(count),
     )
     odometry = Odometry(
         stamp_ns=0,
@@ -41,14 +45,18 @@ def _seen(i, pose, nu, thrust, goals):
     return observe(odometry, Goal(stamp_ns=0, position_N=goals[i]), tracks, thrust[i])
 
 
-def sail(policy, starts, goals, seconds):
-    """Give poses (T, V, 3), every half second, until `seconds` have passed."""
+def sail(policy, starts, goals, seconds, buoys=()):
+    """Give poses (T, V, 3), every half second, until `seconds` have passed.
+
+    Buoys are rows of north, east, radius.
+    """
+    buoys = np.array(buoys, dtype=float).reshape(-1, 3)
     model = VesselModel()
     pose, goals = np.array(starts, dtype=float), np.array(goals, dtype=float)
     nu, thrust = np.zeros((len(pose), 3)), np.zeros((len(pose), 2))
     path = [pose]
     for _ in range(int(seconds / policy.period_s)):
-        rates = [policy.act(_seen(i, pose, nu, thrust, goals)) for i in range(len(pose))]
+        rates = [policy.act(_seen(i, pose, nu, thrust, goals, buoys)) for i in range(len(pose))]
         thrust = model.apply(thrust, np.array(rates), policy.period_s)
         for _ in range(10):
             pose, nu = model.step(pose, nu, thrust, policy.period_s / 10)

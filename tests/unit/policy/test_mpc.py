@@ -45,21 +45,21 @@ def future(speed=0.0, heading=0.0, thrust=0.0):
 
 def test_the_goal_cost_is_the_angle_less_a_share_of_the_speed():
     cost = goal_cost(future(speed=2.0, heading=0.3), np.array([1e6, 0.0]), SETTINGS)
-    assert cost == pytest.approx([20 * (0.3 - 0.15 * 2.0 * math.cos(0.3))], abs=1e-4)
+    assert cost == pytest.approx([20 * (0.3 - 0.7 * 2.0 * math.cos(0.3))], abs=1e-3)
 
 
 def test_effort_costs_the_impulse():
-    assert effort_cost(future(thrust=-400.0), SETTINGS) == pytest.approx([0.0005 * 800 * 2.5])
+    assert effort_cost(future(thrust=-400.0), SETTINGS) == pytest.approx([0.0005 * 800 * 4.0])
 
 
-def test_an_object_that_stays_10_m_off_costs_nothing():
-    objects = np.array([[10.0, 0.0, 0.0, 0.0, 1.0]])
+def test_an_object_whose_surface_stays_4_m_off_costs_nothing():
+    objects = np.array([[5.0 + SETTINGS.own_radius_m, 0.0, 0.0, 0.0, 1.0]])
     assert collision_cost(future(), objects, SETTINGS) == pytest.approx(np.array([[0.0]]))
 
 
 def test_a_near_object_costs_what_it_lacks_in_distance_times_the_risk():
-    objects = np.array([[0.0, 8.0, 0.0, 0.0, 1.0]])
-    expected = 2.0 * (10 / 9) ** 4
+    objects = np.array([[0.0, 3.0 + 1.0 + SETTINGS.own_radius_m, 0.0, 0.0, 1.0]])
+    expected = 1.0 * (4 / 3) ** 4
     assert collision_cost(future(), objects, SETTINGS) == pytest.approx(np.array([[expected]]))
 
 
@@ -70,7 +70,7 @@ def test_a_contact_later_costs_less_than_one_now():
 
 
 def test_head_on_a_course_to_starboard_costs_less_than_one_to_port():
-    other = np.array([[16.0, 0.0, -2.0, 0.0, 2.8]])
+    other = np.array([[22.0, 0.0, -2.0, 0.0, 2.8]])
     costs = [float(colregs_cost(future(2.0, h), other, SETTINGS)[0, 0]) for h in (-0.3, 0.0, 0.3)]
     assert costs[0] > costs[1] > costs[2]
 
@@ -78,6 +78,14 @@ def test_head_on_a_course_to_starboard_costs_less_than_one_to_port():
 def test_stopping_is_no_way_out_of_the_rules():
     other = np.array([[16.0, 0.0, -2.0, 0.0, 2.8]])
     assert colregs_cost(future(0.0), other, SETTINGS)[0, 0] > 1.0
+
+
+def test_it_turns_for_a_buoy_in_its_way_and_does_not_touch_it():
+    buoy = (24.0, 0.5, 1.0)
+    path = encounter.sail(MpcPolicy(), [(0, 0, 0)], [(50, 0)], 25.0, buoys=[buoy])
+    assert path[-1, 0, 0] > 40.0
+    apart = np.hypot(*(path[:, 0, :2] - buoy[:2]).T)
+    assert apart.min() > encounter.RADIUS + buoy[2]
 
 
 def test_the_stand_on_vessel_is_not_charged():

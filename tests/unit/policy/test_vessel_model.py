@@ -36,6 +36,12 @@ def test_the_inertia_is_that_of_the_reference() -> None:
     assert VesselParameters().radius == pytest.approx(2.795, abs=5e-4)
 
 
+def test_the_top_speed_is_where_full_thrust_and_drag_balance() -> None:
+    assert VesselParameters().top_speed == pytest.approx(terminal(2000.0, 100.0, 150.0))
+    assert VesselParameters(x_uu=0.0).top_speed == pytest.approx(20.0)
+    assert NO_DRAG.top_speed == math.inf
+
+
 @pytest.mark.parametrize(("thrust", "speed"), [(1000.0, 3.3), (-500.0, -2.3)])
 def test_full_thrust_ends_at_the_terminal_speed_of_the_paper(thrust: float, speed: float) -> None:
     _, nu = sail(MODEL, [0, 0, 0], [thrust, thrust], 60.0, 0.05)

@@ -1,0 +1,65 @@
+"""What both baselines share: 25 actions, the cheapest wins, and radii as they count."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twinscrew.runtime.errors import PolicyError
+from twinscrew.runtime.policy.planner import Planner, PlannerSettings, seen_objects
+from twinscrew.runtime.policy.rollout import action_set
+
+_spec = importlib.util.spec_from_file_location(
+    "encounter", Path(__file__).with_name("encounter.py")
+)
+encounter = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(encounter)
+
+
+class Steady(Planner):
+    """Wants to end at 1 m/s; nothing else costs anything."""
+
+    name = "steady"
+
+    def costs(self, observation):
+        return np.abs(self._simulate(observation, 2, 0.5).nu[-1, :, 0] - 1.0)
+
+
+class Indifferent(Planner):
+    """Everything costs the same."""
+
+    name = "indifferent"
+
+    def costs(self, observation):  # noqa: ARG002
+        return np.zeros(25)
+
+
+def test_the_cheapest_action_is_taken():
+    slow = encounter.observation((30, 0, 0, 0, 0, 0, 0))
+    fast = encounter.observation((30, 0, 3, 0, 0, 0, 0))
+    policy = Steady(PlannerSettings())
+    assert policy.act(slow).sum() > 0.0
+    assert policy.act(fast).sum() < 0.0
+
+
+def test_where_all_cost_the_same_nothing_is_done():
+    assert Indifferent(PlannerSettings()).act(encounter.observation()).tolist() == [0.0, 0.0]
+
+
+def test_the_answer_is_the_callers_own():
+    policy = Indifferent(PlannerSettings())
+    policy.act(encounter.observation())[:] = 7.0
+    assert policy.act(encounter.observation()).tolist() == action_set()[0].tolist()
+
+
+def test_an_observation_that_is_not_finite_is_an_error():
+    with pytest.raises(PolicyError, match="not finite"):
+        Indifferent(PlannerSettings()).act(encounter.observation((np.nan, 0, 0, 0, 0, 0, 0)))
+
+
+def test_objects_count_with_the_radius_that_they_are_taken_for():
+    seen = encounter.observation(objects=[(5, 0, 0, 0, 0.8), (9, 0, 0, 0, 2.24)])
+    rows = seen_objects(seen, PlannerSettings(radius_factor=1.25))
+    assert rows[:, 4] == pytest.approx([1.0, 2.8])
+    assert seen.objects[0, 4] == np.float32(0.8)
