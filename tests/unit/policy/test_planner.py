@@ -31,7 +31,7 @@ class Indifferent(Planner):
 
     name = "indifferent"
 
-    def costs(self, observation):  # noqa: ARG002
+    def costs(self, observation):
         return np.zeros(25)
 
 
