@@ -17,13 +17,13 @@ encounter = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(encounter)
 
 
-class Steady(Planner):
-    """Wants to end at 1 m/s; nothing else costs anything."""
+class Turning(Planner):
+    """Wants to look 0.2 rad to starboard; nothing else costs anything."""
 
-    name = "steady"
+    name = "turning"
 
     def costs(self, observation):
-        return np.abs(self._simulate(observation, 2, 0.5).nu[-1, :, 0] - 1.0)
+        return np.abs(self._simulate(observation, 2, 0.5).pose[-1, :, 2] - 0.2)
 
 
 class Indifferent(Planner):
@@ -36,11 +36,12 @@ class Indifferent(Planner):
 
 
 def test_the_cheapest_action_is_taken():
-    slow = encounter.observation((30, 0, 0, 0, 0, 0, 0))
-    fast = encounter.observation((30, 0, 3, 0, 0, 0, 0))
-    policy = Steady(PlannerSettings())
-    assert policy.act(slow).sum() > 0.0
-    assert policy.act(fast).sum() < 0.0
+    still = encounter.observation((30, 0, 0, 0, 0, 0, 0))
+    turning = encounter.observation((30, 0, 0, 0, 1.0, 0, 0))
+    left, right = Turning(PlannerSettings()).act(still)
+    assert left > right
+    left, right = Turning(PlannerSettings()).act(turning)
+    assert left < right
 
 
 def test_where_all_cost_the_same_nothing_is_done():
