@@ -11,7 +11,7 @@ from typing import Literal
 
 from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotFleet, ArduPilotSettings
-from twinscrew.hil_sim.drivers.fleet import Fleet
+from twinscrew.hil_sim.drivers.fleet import Fleet, simulated_fleet
 from twinscrew.hil_sim.drivers.lockstep import LockstepCrew
 from twinscrew.hil_sim.drivers.processes import ProcessCrew
 from twinscrew.hil_sim.drivers.realtime import RealtimeCrew
@@ -22,6 +22,7 @@ from twinscrew.hil_sim.sensors.navigation import Navigation, NavigationSettings
 from twinscrew.hil_sim.supervisor import Result
 from twinscrew.hil_sim.world import World, make_world
 from twinscrew.runtime.app.config import RecordingSettings, RuntimeConfig
+from twinscrew.runtime.app.ground import GroundSettings
 from twinscrew.runtime.app.latency import LatencySummary
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.replay import combined_sha256
@@ -38,6 +39,8 @@ Progress = Callable[[float, tuple[Result, ...]], None]
 Tell = Callable[[str], None]
 DATUM = Datum(latitude_deg=Origin().latitude_deg, longitude_deg=Origin().longitude_deg)
 """Where the scenarios' origin lies: the vessels sail in one frame."""
+ALL_TOLD = GroundSettings(obstacles_hz=5.0, vessels_hz=1.0, latency_hz=1.0)
+"""What a ground station that watches is told."""
 ARDUPILOT_DOCK_LIMIT_S = 180.0
 """[s] A real autopilot calibrates, finds its position and settles before it lets itself be armed
 (about 20 s, measured), and the last of several may be started late."""
@@ -89,6 +92,8 @@ class SitlSettings(Settings, frozen=True):
     """The simulated GPS and IMU; only for `odometry = "gps_imu"`."""
     write_params: bool = False
     """Whether the runtimes write the autopilots' parameters that are not what they must be."""
+    ground: str = ""
+    """HOST:PORT where a ground station listens for the autopilots (UDP); empty: there is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,8 +143,12 @@ def sail(
     TwinscrewError
         Something cannot be used, or a runtime failed: nothing is hidden in the outcome.
     """
+    if settings.lockstep and settings.ground:
+        raise ConfigError("a ground station needs real time: without --lockstep", key="ground")
     if settings.lockstep and settings.autopilot is AutopilotKind.ARDUPILOT:
         raise ConfigError("ArduPilot runs in real time only: without --lockstep", key="autopilot")
+    if settings.ground and settings.autopilot is AutopilotKind.ARDUPILOT:
+        raise ConfigError("ArduPilot has ports of its own: tcp:127.0.0.1:5762, ...", key="ground")
     if (settings.autopilot, settings.odometry) == (
         AutopilotKind.ARDUPILOT,
         OdometrySource.AUTOPILOT_ODOMETRY,
@@ -208,7 +217,8 @@ def _sail_in_real_time(
 
 def _fleet(world: World, folders: list[Path], settings: SitlSettings, tell: Tell) -> Fleet | None:
     if settings.autopilot is AutopilotKind.TWINSCREW:
-        return None
+        ids = [index + 1 for index in range(world.scenario.vessels)]
+        return simulated_fleet(ids, ground=settings.ground) if settings.ground else None
     return ArduPilotFleet(world, folders, settings.ardupilot, tell)
 
 
@@ -250,6 +260,7 @@ def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: str)
             state_message="odometry" if whole else "local_position",
             datum=DATUM,
         ),
+        ground=ALL_TOLD if settings.ground else GroundSettings(),
         recording=RecordingSettings(folder=folder),
     )
 

@@ -45,10 +45,7 @@ def _arm_disarm(params: Sequence[float], on: Commanded) -> int:
 def _set_mode(params: Sequence[float], on: Commanded) -> int:
     if not int(params[0]) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
         return DENIED
-    if not on.rover.set_mode(params[1]):
-        return FAILED
-    on.streams.at_once(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
-    return ACCEPTED
+    return ACCEPTED if on.rover.set_mode(params[1]) else FAILED
 
 
 def _set_servo(params: Sequence[float], on: Commanded) -> int:

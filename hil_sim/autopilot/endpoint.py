@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from msgspec import field
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.hil_sim.autopilot.commands import execute
+from twinscrew.hil_sim.autopilot.face import Face
+from twinscrew.hil_sim.autopilot.routing import AUTOPILOT, Routes
 from twinscrew.hil_sim.autopilot.rover import Rover, RoverSettings
-from twinscrew.hil_sim.autopilot.sticks import override_values, stick_values
 from twinscrew.hil_sim.autopilot.streams import Streams
 from twinscrew.hil_sim.autopilot.telemetry import TELLERS, Moment, Origin
 from twinscrew.runtime.errors import ConfigError, one_of
@@ -47,6 +45,8 @@ class RoverAutopilot:
         [s] When it was switched on, in the caller's time.
     signing
         Overrides `signing_key_file`; for tests that bring their own clock.
+    ports
+        [-] How many ports it has. A companion is on port 0; the autopilot hands messages on.
     """
 
     def __init__(
@@ -57,57 +57,63 @@ class RoverAutopilot:
         *,
         boot_s: float = 0.0,
         signing: Signing | None = None,
+        ports: int = 1,
     ) -> None:
         if signing is None and settings.signing_key_file:
             signing = Signing(read_key(Path(settings.signing_key_file)))
         self.rover = Rover(settings.rover, system_id, boot_s)
         wanted = {_message_id(name): 1.0 / hz for name, hz in settings.streams_hz.items()}
-        self.streams = Streams({mavlink.MAVLINK_MSG_ID_HEARTBEAT: settings.heartbeat_s} | wanted)
-        self.wire = Wire(system_id, mavlink.MAV_COMP_ID_AUTOPILOT1, signing)
+        wanted = {mavlink.MAVLINK_MSG_ID_HEARTBEAT: settings.heartbeat_s} | wanted
+        self._faces = [
+            Face(self.rover, Wire(system_id, AUTOPILOT, signing), wanted) for _ in range(ports)
+        ]
+        self._routes = Routes((system_id, AUTOPILOT), ports)
         self._paddles = settings.paddles
         self._origin = origin or Origin()
-        self._system_id = system_id
-        self._once: list[int] = []
-        self._replies: list[Message] = []
+        self._vehicle: Odometry | None = None
+        self._mode = self.rover.mode
         self._now_s = boot_s
         self._turned: tuple[int, int] | None = None
         self._thrust: Float64 = np.zeros(2)
-        self._handlers: dict[str, Callable[[Message], None]] = {
-            "RC_CHANNELS_OVERRIDE": self._on_override,
-            "MANUAL_CONTROL": self._on_manual_control,
-            "COMMAND_LONG": self._on_command_long,
-            "COMMAND_INT": self._on_command_int,
-            "SET_MODE": self._on_set_mode,
-            "REQUEST_DATA_STREAM": self._on_request_data_stream,
-            "TIMESYNC": self._on_timesync,
-            "PARAM_REQUEST_LIST": self._on_parameter,
-            "PARAM_REQUEST_READ": self._on_parameter,
-            "PARAM_SET": self._on_parameter,
-        }
 
-    def receive(self, data: bytes, now_s: float) -> None:
+    @property
+    def wire(self) -> Wire:
+        """Port 0's framing."""
+        return self._faces[0].wire
+
+    @property
+    def streams(self) -> Streams:
+        """What port 0 is sent, and how often."""
+        return self._faces[0].streams
+
+    def receive(self, data: bytes, now_s: float, port: int = 0) -> None:
         """Take bytes from the network; whatever they are, it never raises."""
         self._now_s = now_s
-        for message in self.wire.decode(data):
-            handler = self._handlers.get(message.get_type())
-            if handler is not None and self._for_us(message):
-                handler(message)
+        for message in self._faces[port].wire.decode(data):
+            self._faces[port].heard = True
+            locally, others = self._routes.route(message, port)
+            for other in others:
+                self._faces[other].forwarded.append(bytes(message.get_msgbuf()))
+            if locally:
+                self._take(message, port)
 
     def step(self, now_s: float, vehicle: Odometry | None = None) -> bytes:
-        """Let time pass, and give what it sends: answers first, then what is due."""
-        self._now_s = now_s
+        """Let time pass, and give what port 0 sends: answers first, then what is due."""
+        self._now_s, self._vehicle = now_s, vehicle
         self.rover.step(now_s)
+        if self.rover.mode is not self._mode:  # everybody is told of a new mode at once
+            self._mode = self.rover.mode
+            for face in self._faces:
+                face.streams.at_once(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
         for text in self.rover.texts:
-            self._replies.append(_statustext(text))
+            for face in self._faces:
+                face.replies.append(_statustext(text))
         self.rover.texts.clear()
-        due = self._once + self.streams.due(now_s)
-        if not due and not self._replies:
-            return b""
-        moment = Moment(self.rover, vehicle, self._origin, now_s)
-        told = [TELLERS[id_](moment) for id_ in due]
-        messages = self._replies + [message for message in told if message is not None]
-        self._replies, self._once = [], []
-        return b"".join(self.wire.encode(message) for message in messages)
+        return self.outgoing(0)
+
+    def outgoing(self, port: int) -> bytes:
+        """Give what a port sends, as of the last step."""
+        return self._faces[port].say(self._moment, self._now_s)
 
     def thrust_command_N(self) -> Float64:
         """Give the thrust, (2,) [N] left and right, that the outputs ask of the propellers."""
@@ -117,60 +123,17 @@ class RoverAutopilot:
             self._thrust.flags.writeable = False  # the same array is given until it changes
         return self._thrust
 
-    def send_once(self, message_id: int) -> None:
-        """Send a message with the next step."""
-        self._once.append(message_id)
+    def _take(self, message: Message, port: int) -> None:
+        face = self._faces[port]
+        before = len(face.replies)
+        face.take(message, self._now_s)
+        if message.get_type() == "PARAM_SET":  # everybody is told of a change
+            for other in self._faces:
+                if other is not face and other.heard:
+                    other.replies += face.replies[before:]
 
-    def _for_us(self, message: Message) -> bool:
-        target = getattr(message, "target_system", getattr(message, "target", 0))
-        return target in (0, self._system_id)
-
-    def _on_override(self, message: Message) -> None:
-        self.rover.override(override_values(message), message.get_srcSystem(), self._now_s)
-
-    def _on_manual_control(self, message: Message) -> None:
-        values = stick_values(message, self.rover.parameters)
-        self.rover.override(values, message.get_srcSystem(), self._now_s)
-
-    def _on_command_long(self, message: Message) -> None:
-        params = [getattr(message, f"param{n}") for n in range(1, 8)]
-        self._execute(message, params)
-
-    def _on_command_int(self, message: Message) -> None:
-        params = [getattr(message, f"param{n}") for n in range(1, 5)]
-        self._execute(message, [*params, message.x, message.y, message.z])
-
-    def _execute(self, message: Message, params: list[float]) -> None:
-        known = [value if math.isfinite(value) else 0.0 for value in params]
-        result = execute(message.command, known, self)
-        sender = (message.get_srcSystem(), message.get_srcComponent())
-        self._replies.append(
-            mavlink.MAVLink_command_ack_message(message.command, result, 0, 0, *sender)
-        )
-
-    def _on_set_mode(self, message: Message) -> None:
-        params = [float(message.base_mode), float(message.custom_mode)]
-        execute(mavlink.MAV_CMD_DO_SET_MODE, params, self)
-
-    def _on_parameter(self, message: Message) -> None:
-        self._replies.extend(self.rover.parameters.answer(message))
-
-    def _on_request_data_stream(self, message: Message) -> None:
-        rate_hz = message.req_message_rate if message.start_stop else 0
-        for message_id in TELLERS:
-            if message_id not in _NOT_STREAMED:
-                self.streams.every(message_id, 1.0 / rate_hz if rate_hz else None)
-
-    def _on_timesync(self, message: Message) -> None:
-        if message.tc1 == 0:  # a question; anything else is an answer
-            boot_ns = round((self._now_s - self.rover.boot_s) * 1e9)
-            self._replies.append(mavlink.MAVLink_timesync_message(boot_ns, message.ts1))
-
-
-_NOT_STREAMED = (
-    mavlink.MAVLINK_MSG_ID_HEARTBEAT,
-    mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
-)
+    def _moment(self) -> Moment:
+        return Moment(self.rover, self._vehicle, self._origin, self._now_s)
 
 
 def _message_id(name: str) -> int:

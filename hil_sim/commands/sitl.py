@@ -73,6 +73,10 @@ def sitl(
     write_params: Annotated[
         bool, typer.Option("--write-params", help="Write autopilot parameters that are wrong.")
     ] = False,
+    ground: Annotated[
+        str,
+        typer.Option(help="HOST:PORT where a ground station listens (UDP), as 127.0.0.1:14550."),
+    ] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Sail simulated vessels with the real runtime, sensors to thrust.
@@ -95,6 +99,7 @@ def sitl(
         ),
         odometry=odometry,
         write_params=write_params,
+        ground=ground,
     )
     console = Console(stderr=True)
     if not as_json:

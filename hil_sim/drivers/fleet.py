@@ -11,6 +11,7 @@ import numpy as np
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.udp import AutopilotOnTheNet
 from twinscrew.runtime.link.sockets import UdpTransport
+from twinscrew.runtime.link.transport import open_transport
 from twinscrew.runtime.messages.types import Float64, Odometry
 
 LOOPBACK = "127.0.0.1"
@@ -41,7 +42,6 @@ class Fleet(Protocol):
         """Stop them all."""
 
 
-class SimulatedFleet:
 class Autopilot(Protocol):
     """What asks something of the propellers."""
 
@@ -63,6 +63,7 @@ class OnTheNet(Protocol):
         """Close the connection."""
 
 
+class SimulatedFleet:
     """Our simulated autopilots, each on a UDP port of its own."""
 
     patience_s = 0.0
@@ -98,13 +99,21 @@ class OnTheNet(Protocol):
 
 
 def simulated_fleet(
-    system_ids: Sequence[int], settings: RoverAutopilotSettings | None = None
+    system_ids: Sequence[int], settings: RoverAutopilotSettings | None = None, ground: str = ""
 ) -> SimulatedFleet:
-    """Make autopilots of these system ids in this process."""
+    """Make autopilots of these system ids in this process.
+
+    Parameters
+    ----------
+    ground
+        HOST:PORT where a ground station listens. They call it on a second port, and hand messages
+        on between it and the companions. Empty: there is none.
+    """
     settings = settings or RoverAutopilotSettings()
     transports = [UdpTransport(LOOPBACK, 0, listens=True) for _ in system_ids]
-    pilots = [
-        AutopilotOnTheNet(RoverAutopilot(settings, system_id), transport)
-        for system_id, transport in zip(system_ids, transports, strict=True)
-    ]
+    pilots = []
+    for system_id, transport in zip(system_ids, transports, strict=True):
+        lines = [open_transport(f"udpout:{ground}")] if ground else []
+        autopilot = RoverAutopilot(settings, system_id, ports=1 + len(lines))
+        pilots.append(AutopilotOnTheNet(autopilot, transport, *lines))
     return SimulatedFleet(pilots, [transport.port for transport in transports])

@@ -11,15 +11,17 @@ from typing import TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.runtime.link.mission_items import item_of
+from twinscrew.runtime.link.mission_items import Item, item_of
 from twinscrew.runtime.link.mission_upload import Upload
-from twinscrew.runtime.link.orders import Halt, Order, OrderSettings, Sail
+from twinscrew.runtime.link.orders import GoTo, Halt, Order, OrderSettings, Sail
 from twinscrew.runtime.link.places import Chart, Fault
 from twinscrew.runtime.link.stored_mission import StoredMission
 from twinscrew.runtime.link.wire import Message
 
 MISSION = int(mavlink.MAV_MISSION_TYPE_MISSION)
 ALL = int(mavlink.MAV_MISSION_TYPE_ALL)
+GUIDED = 2
+"""[-] `current` of an item that is no part of a mission, but a goal."""
 Station: TypeAlias = tuple[int, int]
 """System and component."""
 
@@ -44,6 +46,7 @@ class MissionServer:
         self.complaints: list[str] = []
         """What was refused and why, in plain words."""
         self._settings = settings
+        self._chart = chart
         self._permits = permits
         self._upload: Upload | None = None
         self._accepted: tuple[Station, int] | None = None
@@ -106,10 +109,13 @@ class MissionServer:
         if not self._may_change(message, station):
             return
         upload = self._upload
+        item = item_of(message)
+        if message.current == GUIDED:
+            self._go(station, item)
+            return
         if upload is None or upload.station != station:
             self._answer_late(station, message.seq)
             return
-        item = item_of(message)
         if upload.take(message.seq, item):
             fault = self.mission.fault(message.seq, item)
             if fault is not None:
@@ -117,6 +123,17 @@ class MissionServer:
             elif upload.whole:
                 self._complete(upload)
         self.tick(now_s)
+
+    def _go(self, station: Station, item: Item) -> None:
+        """Take an item that is a goal by itself: how stations steered ArduPilot before commands."""
+        place = item.place(self._chart)
+        if isinstance(place, Fault):
+            self._acknowledge(station, place.result)
+            self.complaints.append(f"goal refused: {place.words}")
+            return
+        north, east = place.tolist()
+        self.orders.append(GoTo(station[0], north, east))
+        self._acknowledge(station, mavlink.MAV_MISSION_ACCEPTED)
 
     def _complete(self, upload: Upload) -> None:
         fault = self.mission.keep(tuple(upload.items))

@@ -69,7 +69,7 @@ def test_it_is_an_ardupilot_surface_boat():
 
 
 def test_its_heart_beats_once_a_second_and_nothing_else_is_told_unasked():
-    heard = Talk().hear(10.0)
+    heard = Talk(receiver=True).hear(10.0)
     assert len(only(heard, "HEARTBEAT")) == 10
     assert {m.get_type() for m in heard} <= {"HEARTBEAT", "STATUSTEXT"}
 
@@ -279,8 +279,14 @@ def test_the_old_set_mode_message_works_without_an_answer():
     assert talk.autopilot.rover.mode == 4
 
 
+def test_its_heart_beats_at_once_when_its_own_failsafe_changes_the_mode():
+    beats = only(Talk().hear(10.0), "HEARTBEAT")
+    assert len(beats) == 11
+    assert [beat.custom_mode for beat in beats].count(0) == 3
+
+
 def test_the_old_stream_request_starts_and_stops_everything():
-    talk = Talk()
+    talk = Talk(receiver=True)
     talk.say(mavlink.MAVLink_request_data_stream_message(SYSTEM, 1, 0, 4, 1))
     heard = talk.hear(5.0)
     assert len(only(heard, "ATTITUDE")) == len(only(heard, "SERVO_OUTPUT_RAW")) == 20

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from twinscrew.runtime.link.datum import Datum, from_datum_N
 from twinscrew.runtime.link.mission_server import MissionServer
 from twinscrew.runtime.link.mission_upload import ASK_AGAIN_S, TRIES
-from twinscrew.runtime.link.orders import Halt, OrderSettings, Sail
+from twinscrew.runtime.link.orders import GoTo, Halt, OrderSettings, Sail
 from twinscrew.runtime.link.places import Chart
 
 SYDNEY = Datum(latitude_deg=-33.7221, longitude_deg=150.6739)
@@ -315,6 +315,19 @@ def test_a_mission_may_wait_for_the_word_to_start():
     assert talk.server.orders == []
     assert talk.server.start(255, 0)
     assert isinstance(talk.server.orders[0], Sail)
+
+
+def test_an_item_of_its_own_is_a_goal_and_no_part_of_the_mission():
+    talk = Talk()
+    talk.count(2)
+    goal = local(0, 12.0, -7.0)
+    goal.current = 2
+    (ack,) = talk.say(goal)
+    assert ack.type == mavlink.MAV_MISSION_ACCEPTED
+    assert talk.server.orders == [GoTo(255, 12.0, -7.0)]
+    goal.command = LAND
+    assert talk.say(goal)[0].type == mavlink.MAV_MISSION_UNSUPPORTED
+    assert talk.say(local(0, 1.0, 1.0))[0].seq == 1
 
 
 def test_a_partial_upload_is_refused():
