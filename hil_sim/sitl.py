@@ -14,20 +14,24 @@ from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotFleet, ArduPilotS
 from twinscrew.hil_sim.drivers.fleet import Fleet, simulated_fleet
 from twinscrew.hil_sim.drivers.lockstep import LockstepCrew
 from twinscrew.hil_sim.drivers.processes import ProcessCrew
+from twinscrew.hil_sim.drivers.punctual import punctual
 from twinscrew.hil_sim.drivers.realtime import RealtimeCrew
 from twinscrew.hil_sim.drivers.voyage import DOCK_LIMIT_S, Crew, Voyage, VoyageResult
+from twinscrew.hil_sim.faults.assemble import faulty_crew, plans_by_vessel, verdicts
+from twinscrew.hil_sim.faults.plan import FaultPlan, load_plan
+from twinscrew.hil_sim.faults.verdict import Verdict
 from twinscrew.hil_sim.figures import draw_trajectories
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sensors.navigation import Navigation, NavigationSettings
 from twinscrew.hil_sim.supervisor import Result
 from twinscrew.hil_sim.world import World, make_world
-from twinscrew.runtime.app.config import RecordingSettings, RuntimeConfig
+from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.ground import GroundSettings
 from twinscrew.runtime.app.latency import LatencySummary
 from twinscrew.runtime.app.mission import MissionSettings
-from twinscrew.runtime.app.replay import combined_sha256
 from twinscrew.runtime.app.recording_settings import RecordingSettings
-from twinscrew.runtime.app.session import RunSummary, read_summary
+from twinscrew.runtime.app.replay import combined_sha256
+from twinscrew.runtime.app.session import RunSummary, nothing_told, read_summary
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.link.autopilot import AutopilotSettings
@@ -90,6 +94,8 @@ class SitlSettings(Settings, frozen=True):
     odometry: OdometrySource = OdometrySource.BUS
     navigation: NavigationSettings = NavigationSettings()
     """The simulated GPS and IMU; only for `odometry = "gps_imu"`."""
+    faults: str = ""
+    """A file of faults, or the name of one in config/faults; empty: none."""
     write_params: bool = False
     """Whether the runtimes write the autopilots' parameters that are not what they must be."""
     ground: str = ""
@@ -119,6 +125,13 @@ class SitlReport:
     vessels: tuple[VesselReport, ...]
     real_time_factor: float
     wall_s: float
+    verdicts: tuple[tuple[str, Verdict], ...] = ()
+    """By vessel: what was promised in case of faults, and what was measured."""
+
+    @property
+    def kept(self) -> bool:
+        """Whether every promise was kept; true without faults."""
+        return all(verdict.kept for _, verdict in self.verdicts)
 
     @property
     def sha256(self) -> str:
@@ -158,6 +171,10 @@ def sail(
         raise ConfigError(
             "in real time each has its process anyway: with --lockstep", key="processes"
         )
+    ours = settings.autopilot is AutopilotKind.TWINSCREW
+    if settings.faults and (settings.lockstep or settings.ground or not ours):
+        raise ConfigError("only in real time, with our autopilots and no station", key="faults")
+    plan = load_plan(settings.faults, scenario.names) if settings.faults else None
     world = make_world(scenario, sensor=settings.sensor, seed=settings.seed)
     folders = [folder / name for name in scenario.names] if folder else []
     configs = [
@@ -165,10 +182,13 @@ def sail(
         for i in range(scenario.vessels)
     ]
     begin_s = time.monotonic()
+    judged: tuple[tuple[str, Verdict], ...] = ()
     if settings.lockstep:
         result, runs = _sail_in_step(world, configs, settings, progress)
     elif folder is None:
         raise ConfigError("real time needs a folder for the runtimes' files", key="out")
+    elif plan is not None:
+        result, runs, judged = _sail_with_faults(world, configs, folders, settings, plan, progress)
     else:
         result, runs = _sail_in_real_time(world, configs, folders, settings, progress, tell)
     wall_s = time.monotonic() - begin_s
@@ -178,6 +198,7 @@ def sail(
         vessels=_vessel_reports(result, runs),
         real_time_factor=result.duration_s / wall_s,
         wall_s=wall_s,
+        verdicts=judged,
     )
     if folder is not None:
         outcomes = [vessel.outcome for vessel in report.vessels]
@@ -213,6 +234,26 @@ def _sail_in_real_time(
     with RealtimeCrew(configs, folders, fleet, tell if fleet is not None else None) as crew:
         result = _voyage(world, crew, settings, progress).run()
     return result, [read_summary(folder) for folder in folders]
+
+
+def _sail_with_faults(
+    world: World,
+    configs: list[RuntimeConfig],
+    folders: list[Path],
+    settings: SitlSettings,
+    plan: FaultPlan,
+    progress: Progress | None,
+) -> tuple[VoyageResult, list[RunSummary], tuple[tuple[str, Verdict], ...]]:
+    names = world.scenario.names
+    plans = plans_by_vessel(plan, names)
+    with punctual(), faulty_crew(world, configs, folders, plans, settings.seed) as crew:
+        result = _voyage(world, crew, settings, progress).run()
+        down = crew.down
+    runs = [
+        nothing_told(names[vessel]) if vessel in down else read_summary(folder)
+        for vessel, folder in enumerate(folders)
+    ]
+    return result, runs, tuple(verdicts(crew, plans, folders).items())
 
 
 def _fleet(world: World, folders: list[Path], settings: SitlSettings, tell: Tell) -> Fleet | None:

@@ -17,9 +17,12 @@ COLOURS = {"goal": "green", "collision": "red", "timeout": "yellow"}
 def as_dict(report: SitlReport) -> dict[str, Any]:
     """Give the object that `sitl --json` prints; its keys are fixed, others script it.
 
+    With faults there is one more, `faults`: by vessel what was promised and measured.
+
     The latencies of several vessels are each one's worst: no vessel is slower than they say.
     """
     latencies = [vessel.latency for vessel in report.vessels]
+    faults = {name: verdict.as_dict() for name, verdict in report.verdicts}
     return {
         "success": report.success,
         "seed": report.seed,
@@ -39,6 +42,7 @@ def as_dict(report: SitlReport) -> dict[str, Any]:
         },
         "real_time_factor": round(report.real_time_factor, 2),
         "decisions_sha256": report.sha256,
+        **({"faults": faults} if faults else {}),
     }
 
 

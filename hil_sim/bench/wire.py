@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import psutil
 
+from twinscrew.hil_sim.drivers.punctual import punctual
 from twinscrew.hil_sim.drivers.realtime import RealtimeCrew
 from twinscrew.hil_sim.drivers.voyage import Voyage
 from twinscrew.hil_sim.scenario import load_scenario
@@ -24,8 +22,6 @@ from twinscrew.runtime.perception.sensor import load_sensor
 FLEETS = (1, 5)
 SENSOR = "vrx32"
 BYTES_PER_MB = 1e6
-SIMULATOR_FIFO = 5
-"""[-] Real-time priority of the simulator, below the runtimes': a LiDAR is not late either."""
 
 
 def run(seconds: float = 20.0) -> dict[str, Any]:
@@ -35,20 +31,8 @@ def run(seconds: float = 20.0) -> dict[str, Any]:
     memory a runtime's process. Missed are scans that were not answered before the next one came;
     ticks, commands that were not re-sent 20 times a second.
     """
-    with _punctual():
+    with punctual():
         return {"wire": {str(vessels): _measure(vessels, seconds) for vessels in FLEETS}}
-
-
-@contextmanager
-def _punctual() -> Iterator[None]:
-    """Keep the simulator on time, where the system allows it: it stands for sensors."""
-    before = os.sched_getscheduler(0), os.sched_getparam(0)
-    with suppress(PermissionError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(SIMULATOR_FIFO))
-    try:
-        yield
-    finally:
-        os.sched_setscheduler(0, *before)
 
 
 def _measure(vessels: int, seconds: float) -> dict[str, float]:

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotSettings
+from twinscrew.hil_sim.faults.table import as_table as faults_table
 from twinscrew.hil_sim.scenario import Scenario, load_scenario
 from twinscrew.hil_sim.sitl import AutopilotKind, OdometrySource, SitlReport, SitlSettings, sail
 from twinscrew.hil_sim.summary import as_dict, as_table, write_summary
@@ -77,11 +78,15 @@ def sitl(
         str,
         typer.Option(help="HOST:PORT where a ground station listens (UDP), as 127.0.0.1:14550."),
     ] = "",
+    faults: Annotated[
+        str, typer.Option(help="What goes wrong: a TOML file, or a name in config/faults.")
+    ] = "",
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Sail simulated vessels with the real runtime, sensors to thrust.
 
-    Exit status 0 if every vessel arrived, 1 if not, 2 for a usage or set-up error.
+    Exit status 0 if every vessel arrived and every promise was kept, 1 if not, 2 for a usage or
+    set-up error.
     """
     made = _with_limit(load_scenario(scenario, vessels, buoys, seed), max_time)
     folder = _new_folder(out)
@@ -99,6 +104,7 @@ def sitl(
         ),
         odometry=odometry,
         write_params=write_params,
+        faults=faults,
         ground=ground,
     )
     console = Console(stderr=True)
@@ -115,7 +121,7 @@ def sitl(
     _tell(report, folder, as_json=as_json)
     if view and lockstep:
         _show(folder, port, console)
-    if not report.success:
+    if not report.success or not report.kept:
         raise typer.Exit(NOT_ALL_ARRIVED)
 
 
@@ -203,5 +209,8 @@ def _tell(report: SitlReport, folder: Path, *, as_json: bool) -> None:
         return
     console = Console()
     console.print(as_table(report))
+    if report.verdicts:
+        names, found = zip(*report.verdicts, strict=True)
+        console.print(faults_table(found, names=names))
     console.print(f"{report.real_time_factor:.1f} x real time; decisions {report.sha256[:16]}...")
     console.print(f"[bold]{folder}[/bold]: summary.json, trajectories.png, <vessel>/recording")

@@ -27,6 +27,9 @@ from twinscrew.hil_sim.faults.plan import Fault
 from twinscrew.hil_sim.faults.rig import Rig
 from twinscrew.hil_sim.faults.sensing import Freezing, Jumping, NoisyOdometry, NoisyPoints
 
+BUSY = "import os; os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))\nwhile True: pass"
+"""A program like any other, whatever priority the simulator has."""
+
 
 class Action(NamedTuple):
     """What begins a fault, and what ends it."""
@@ -123,7 +126,7 @@ def _hog(given: Hog) -> Action:
     hogs: list[subprocess.Popen[bytes]] = []
 
     def begin() -> None:
-        words = [sys.executable, "-c", "while True: pass"]
+        words = [sys.executable, "-c", BUSY]
         hogs.extend(subprocess.Popen(words) for _ in range(given.processes))
 
     def end() -> None:

@@ -44,16 +44,18 @@ def faulty_crew(
     return FaultyCrew(crew, rigs, plans, seed)
 
 
-def verdicts(crew: FaultyCrew, plans: list[FaultPlan], folders: list[Path]) -> list[Verdict]:
-    """Judge every vessel that was promised something, and to which something was done."""
-    found = []
-    for vessel, plan in enumerate(plans):
+def verdicts(crew: FaultyCrew, plans: list[FaultPlan], folders: list[Path]) -> dict[str, Verdict]:
+    """Judge, by the names of their folders, the vessels that faults were made at and promised."""
+    found = {}
+    for vessel, (plan, folder) in enumerate(zip(plans, folders, strict=True)):
         made = [made for made in crew.made if made.vessel == vessel]
         if plan.promise is None or not made:
             continue
-        log = (folders[vessel] / LOG_FILE).read_text(errors="replace")
+        log = (folder / LOG_FILE).read_text(errors="replace")
         witness = crew.witnesses[vessel]
-        found.append(judge(plan.name, plan.promise, made, witness, now_s=crew.ended_s, log=log))
+        found[folder.name] = judge(
+            plan.name, plan.promise, made, witness, now_s=crew.ended_s, log=log
+        )
     return found
 
 

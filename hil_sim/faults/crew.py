@@ -67,6 +67,16 @@ class FaultyCrew:
             self._crew.listen(rig.vessel, "diagnostics", witness.hear)
         return self
 
+    def count_decisions(self) -> None:
+        """Have the witnesses count decisions from now on."""
+        for rig, witness in zip(self._rigs, self.witnesses, strict=True):
+            self._crew.listen(rig.vessel, "decision", witness.count)
+
+    @property
+    def pids(self) -> tuple[int, ...]:
+        """The runtimes' process ids."""
+        return self._crew.pids
+
     @property
     def down(self) -> frozenset[int]:
         """Vessels whose runtimes were killed and not started again."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
+from twinscrew.hil_sim.drivers.punctual import punctual
 from twinscrew.hil_sim.drivers.voyage import Voyage
 from twinscrew.hil_sim.faults.assemble import faulty_crew, verdicts
 from twinscrew.hil_sim.faults.plan import FaultPlan
@@ -50,9 +51,9 @@ def try_out(
     world = make_world(scenario, sensor=SENSOR, seed=seed)
     folders = [folder / plan.name for plan in plans]
     configs = [config_of(scenario.names[i], i + 1, folders[i]) for i in range(len(plans))]
-    with faulty_crew(world, configs, folders, plans, seed) as crew:
+    with punctual(), faulty_crew(world, configs, folders, plans, seed) as crew:
         Voyage(world, crew, scan_s=1.0 / load_sensor(SENSOR).rate_hz).run()
-    return verdicts(crew, plans, folders)
+    return list(verdicts(crew, plans, folders).values())
 
 
 def config_of(name: str, system_id: int, folder: Path) -> RuntimeConfig:

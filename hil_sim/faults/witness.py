@@ -23,6 +23,8 @@ class Witness:
         """When the propellers were asked to turn, or to stand still."""
         self.events: list[tuple[float, HealthEvent]] = []
         """What the runtime said on `diagnostics`, when it came over the bus."""
+        self.decisions = 0
+        """[-] That came over the bus, if anybody asked to count them."""
         self.bridge = Bridge("", armed=False)
         """What the autopilot shows now."""
         self._clock = clock
@@ -39,6 +41,10 @@ class Witness:
         with suppress(MessageError):
             now_s = self._clock()
             self.events += [(now_s, event) for event in cdr.decode_diagnostics(message.payload)]
+
+    def count(self, message: Received) -> None:  # noqa: ARG002
+        """Take note of a decision on the bus; in its thread."""
+        self.decisions += 1
 
     def turning(self, at_s: float) -> bool:
         """Tell whether the propellers turned at a time."""

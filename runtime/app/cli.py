@@ -22,6 +22,8 @@ GROUP = "twinscrew.commands"
 USAGE_ERROR = 2
 SUMMARIES = {
     "sitl": "Sail simulated vessels with the real runtime, sensors to thrust.",
+    "faults": "Make faults on purpose, and hold the boat to what was promised.",
+    "soak": "Sail for long with faults at random, and look for what grows or breaks.",
     "view": "Show boats in a browser on this machine: under way, or from a recording.",
     "run": "Run one vessel's runtime: what is deployed on the boat.",
     "train": "Train policies in the fast environment.",

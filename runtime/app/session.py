@@ -14,6 +14,7 @@ from twinscrew.runtime.app.assemble import make_controller
 from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
 from twinscrew.runtime.app.garbage import Garbage
 from twinscrew.runtime.app.ground import GroundReport
+from twinscrew.runtime.app.latency import Latencies
 from twinscrew.runtime.app.loop import Loop
 from twinscrew.runtime.app.odometry_source import SENSED
 from twinscrew.runtime.app.outlet import Outlet
@@ -74,6 +75,20 @@ def read_summary(folder: Path) -> RunSummary:
         return msgspec.json.decode(path.read_bytes(), type=RunSummary)
     except (OSError, msgspec.DecodeError) as error:
         raise RecordingError(f"{path}: the runtime left no summary ({error})") from error
+
+
+def nothing_told(name: str) -> RunSummary:
+    """Give the summary of a runtime that was killed and left none."""
+    return RunSummary(
+        name=name,
+        decisions=0,
+        decisions_sha256="",
+        latency_ms=Latencies().summary().as_dict(),
+        wire_latency_ms=Latencies().summary().as_dict(),
+        overruns=0,
+        passed_over={},
+        unrecorded=0,
+    )
 
 
 def metadata_of(config: RuntimeConfig, policy: Policy) -> dict[str, Any]:

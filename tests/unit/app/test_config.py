@@ -7,6 +7,7 @@ from twinscrew.hil_sim.faults.plan import load_plan
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.shapes import load_shape
+from twinscrew.hil_sim.soak.settings import load_soak
 from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.runtime.app.config import RuntimeConfig, load_config
 from twinscrew.runtime.errors import ConfigError
@@ -34,6 +35,7 @@ READERS = {
     "experiments/mpc.toml": lambda path: load_policy("mpc"),
     "experiments/*": load_sets,
     "faults/*": load_plan,
+    "soak.toml": lambda path: load_soak(),
 }
 """Who reads what; the first that fits."""
 

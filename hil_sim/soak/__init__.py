@@ -1,0 +1,1 @@
+"""Long runs with faults at random: what grows, what leaks, what breaks."""

@@ -1,0 +1,85 @@
+"""Holds a soak against its limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+from typing import NamedTuple
+
+from twinscrew.hil_sim.soak.run import VesselSoak
+from twinscrew.hil_sim.soak.samples import Growth, Sample, growth
+from twinscrew.hil_sim.soak.settings import SoakSettings
+
+EXCEPTIONS = ("Traceback", "panicked", "Segmentation fault", "never awaited")
+"""What an unhandled exception leaves on standard error, in Python and in Rust."""
+LEFT_OUT_S = 10.0
+"""[s] At the beginning of a process's life: it starts."""
+
+
+class Finding(NamedTuple):
+    """One thing that was looked at."""
+
+    vessel: str
+    what: str
+    limit: str
+    found: str
+    fine: bool
+
+
+def findings(vessels: Sequence[VesselSoak], settings: SoakSettings) -> list[Finding]:
+    """Look at everything."""
+    return [finding for vessel in vessels for finding in _of(vessel, settings)]
+
+
+def lives(samples: Sequence[Sample]) -> list[list[Sample]]:
+    """Give the samples of each process, one after the other."""
+    return [list(life) for _, life in groupby(samples, key=lambda sample: sample.pid)]
+
+
+def warm(life: Sequence[Sample], share: float) -> list[Sample]:
+    """Leave out the time in which a process fills its caches."""
+    begin_s = life[0].time_s + max(LEFT_OUT_S, share * (life[-1].time_s - life[0].time_s))
+    return [sample for sample in life if sample.time_s >= begin_s]
+
+
+def longest(vessel: VesselSoak, share: float) -> Growth:
+    """Give the growth of the vessel's longest-lived process."""
+    life = max(lives(vessel.samples), key=len, default=[])
+    return growth(warm(life, share)) if life else Growth(0.0, 0.0, 0, 0)
+
+
+def _of(vessel: VesselSoak, settings: SoakSettings) -> list[Finding]:
+    limits, grown = settings.limits, longest(vessel, settings.warm_share)
+    leak = grown.memory_mb > limits.memory_slack_mb and (
+        grown.memory_mb_per_h > limits.memory_mb_per_h
+    )
+    missed_limit = limits.missed_share * max(1, vessel.decisions)
+    broken = [verdict.name for verdict in vessel.verdicts if not verdict.kept]
+    words = next((word for word in EXCEPTIONS if word in vessel.log), "none")
+    kept = f"{len(vessel.verdicts) - len(broken)} of {len(vessel.verdicts)}"
+    quota_mb = settings.recording.quota_mb + 2.0 * settings.recording.rotate_mb
+    rows = [
+        (
+            "memory",
+            f"{limits.memory_mb_per_h:g} MB/h",
+            f"{grown.memory_mb_per_h:+.1f} MB/h",
+            not leak,
+        ),
+        ("file handles", f"+{limits.files:g}", f"{grown.files:+d}", grown.files <= limits.files),
+        ("threads", f"+{limits.threads:g}", f"{grown.threads:+d}", grown.threads <= limits.threads),
+        (
+            "missed deadlines",
+            f"{missed_limit:.1f} of {vessel.decisions}",
+            f"{vessel.missed} (and {vessel.missed_in_faults} in faults)",
+            vessel.missed <= missed_limit,
+        ),
+        ("unhandled exceptions", "none", words, words == "none"),
+        ("promises kept", "all", " ".join([kept, *broken]), not broken),
+        (
+            "recordings",
+            f"{quota_mb:g} MB a start",
+            f"{vessel.recording_mb:.0f} MB",
+            vessel.recording_mb <= quota_mb * len(lives(vessel.samples)),
+        ),
+    ]
+    return [Finding(vessel.name, *row) for row in rows]
