@@ -117,21 +117,29 @@ def _score_tracks(
             score.add_nees(truth, row, tracks.p_N[k], tracks.v_N[k], tracks.covariance[k])
 
 
-def looks(seed: int) -> Iterator[Look]:
-    """Give what vessel `OWN` sees while all vessels sail one episode."""
+def looks(seed: int, sensor: str = SENSOR) -> Iterator[Look]:
+    """Give what vessel `OWN` sees while all vessels sail one episode.
+
+    Odometry and truth are those of a scan's stamp: a sensor that turns began the scan then.
+    """
     scenario = load_scenario("random", VESSELS, BUOYS, seed)
-    world = make_world(scenario, sensor=SENSOR, seed=seed)
-    perception = Perception(load_sensor(SENSOR))
+    world = make_world(scenario, sensor=sensor, seed=seed)
+    perception = Perception(load_sensor(sensor))
     policies = [load_policy("ac_iqn") for _ in range(VESSELS)]
     thrust = np.zeros((VESSELS, 2))
+    past: dict[int, tuple[Odometry, Truth, bool]] = {}
     scans_a_decision = round(policies[0].period_s / SCAN_S)
     for scan in range(round(EPISODE_S / SCAN_S)):
         _moor_arrivals(world)
         if world.moored[OWN]:
             return
-        odometry = world.odometry(OWN)
-        objects = perception.step(world.cloud(OWN), odometry.q_NB)
-        yield Look(objects, odometry, truth_around(world, OWN), bool(world.gaps.min() < 0.0))
+        touching = bool(world.gaps.min() < 0.0)
+        past[world.stamp_ns] = world.odometry(OWN), truth_around(world, OWN), touching
+        cloud = world.cloud(OWN)
+        if cloud.stamp_ns in past:
+            odometry, truth, overlap = past[cloud.stamp_ns]
+            objects = perception.step(cloud, odometry.q_NB, odometry.rates_B, odometry.velocity_B)
+            yield Look(objects, odometry, truth, overlap)
         if scan % scans_a_decision == 0:
             thrust = np.array([_decide(world, v, policies[v], thrust[v]) for v in range(VESSELS)])
         world.advance(SCAN_S, thrust)

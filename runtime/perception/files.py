@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -58,8 +59,15 @@ def read_bin(data: bytes) -> FilePoints:
     if not fits:
         raise MessageError(f"{values.size} numbers are no rows of 4 or of 5")
     ring = _rings(values[4::5]) if 5 in fits else None
-    rows = values.reshape(-1, fits[0] if ring is None else 5)
-    return FilePoints(np.ascontiguousarray(rows[:, :3]), ring)
+    columns = 5 if ring is not None else min(fits, key=lambda count: _mixture(values, count))
+    return FilePoints(np.ascontiguousarray(values.reshape(-1, columns)[:, :3]), ring)
+
+
+def _mixture(values: Float32, columns: int) -> float:
+    """Give the mean logarithm of the columns' variances: too many or too few columns mix them."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        rows = np.clip(np.nan_to_num(values), -1e6, 1e6).reshape(-1, columns).astype(np.float64)
+    return float(np.log(rows.var(axis=0) + 1e-12).mean()) if len(rows) else 0.0
 
 
 def read_npy(data: bytes) -> FilePoints:
@@ -67,8 +75,10 @@ def read_npy(data: bytes) -> FilePoints:
     import io
 
     try:
-        array = np.load(io.BytesIO(data), allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # numpy warns of headers that it guesses at
+            array = np.load(io.BytesIO(data), allow_pickle=False)
+    except Exception as error:  # a broken header is evaluated, and may fail in any way
         raise MessageError(f"not an npy array of numbers: {error}") from error
     if not isinstance(array, np.ndarray):
         raise MessageError("several arrays (npz); one array is needed")
@@ -106,16 +116,24 @@ def _columns(points: NDArray[Any]) -> FilePoints:
     if any(points.dtype[name].base.kind not in "fiu" for name in "xyz"):
         raise MessageError("fields x, y, z are not numbers")
     with np.errstate(over="ignore"):
-        columns = [points[name].reshape(len(points), -1)[:, 0] for name in "xyz"]
-        xyz = np.stack(columns, axis=1).astype(np.float32)
+        xyz = np.stack([_column(points, name) for name in "xyz"], axis=1).astype(np.float32)
     ring = next((points[name].reshape(-1) for name in RING_FIELDS if name in names), None)
     usable = ring is not None and ring.dtype.kind in "fiu" and len(ring) == len(xyz)
     return FilePoints(xyz, _rings(ring) if usable and ring is not None else None)
 
 
+def _column(points: NDArray[Any], name: str) -> NDArray[Any]:
+    """Give a field's value of each point; the first if it has several."""
+    values = points[name]
+    if 0 in values.shape[1:]:
+        raise MessageError(f"field {name!r} has no values")
+    return values[(slice(None), *[0] * (values.ndim - 1))]
+
+
 def _rings(values: NDArray[Any]) -> NDArray[np.uint16] | None:
     """Give numbers as rings; none if they cannot be."""
-    whole = (values >= 0) & (values < RINGS) & (values == np.trunc(values))
+    with np.errstate(invalid="ignore"):
+        whole = (values >= 0) & (values < RINGS) & (values == np.trunc(values))
     return values.astype(np.uint16) if whole.all() else None
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twinscrew.runtime.messages.types import Float32, PointCloud
+from twinscrew.runtime.messages.types import Float32, Float64, Objects, PointCloud
 from twinscrew.runtime.perception.fit import fitted
 from twinscrew.runtime.perception.sensor import Mount, Sensor
 from twinscrew.runtime.perception.stage import Perception, PerceptionSettings
@@ -53,6 +53,26 @@ def _kept(perception: Perception, cloud: PointCloud) -> float:
     report = perception.project(cloud, LEVEL)
     of_use = report.used + report.hidden + report.no_beam
     return report.used / of_use if of_use else 1.0
+
+
+def objects_S(perception: Perception, cloud: PointCloud, q_NS: Float64) -> Objects:
+    """Perceive a scan taken in some attitude; give the objects in the sensor's own axes.
+
+    Perception gives them in a levelled frame. Which echoes are whose stays; centroids and radii
+    are taken anew, unless the sensor was level.
+    """
+    objects = perception.step(cloud, q_NS)
+    if np.array_equal(q_NS, LEVEL):
+        return objects
+    number = perception.object_image()
+    cells = number >= 0
+    p, number = cloud.points_S[perception.point_image()[cells], :2].astype(float), number[cells]
+    sums = [np.bincount(number, p[:, axis], len(objects.p_B)) for axis in (0, 1)]
+    centre = np.stack(sums, axis=1) / objects.points[:, None]
+    away = np.hypot(*(p - centre[number]).T)
+    radius = np.zeros(len(centre))
+    np.maximum.at(radius, number, away)
+    return replace(objects, p_B=centre, radius=radius, strips=None)
 
 
 def ground_below(points_S: Float32) -> float | None:

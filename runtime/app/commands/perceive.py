@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from twinscrew.runtime.messages.types import Objects, PointCloud
     from twinscrew.runtime.perception.foreign import Chosen
     from twinscrew.runtime.perception.stage import PerceptionSettings
+    from twinscrew.runtime.perception.surface import Surface
 
 
 def perceive(
@@ -28,7 +29,9 @@ def perceive(
     ],
     height_m: Annotated[
         float | None,
-        typer.Option(help="The sensor's height over the water or the ground, which is dropped."),
+        typer.Option(
+            help="The sensor's height, about, over the water or the ground, which is dropped."
+        ),
     ] = None,
     ground_m: Annotated[
         float,
@@ -43,21 +46,26 @@ def perceive(
     """Segment one point cloud file and print its objects."""
     from twinscrew.runtime.messages.types import PointCloud
     from twinscrew.runtime.perception.files import read_cloud
-    from twinscrew.runtime.perception.foreign import LEVEL, choose
+    from twinscrew.runtime.perception.foreign import LEVEL, choose, objects_S
     from twinscrew.runtime.perception.sensor import load_sensor
+    from twinscrew.runtime.perception.surface import find_surface
 
-    settings = _settings(height_m, ground_m, max_range_m)
     described = load_sensor(sensor)
     points, ring = read_cloud(file)
     cloud = PointCloud(
         stamp_ns=0, frame_id=str(file), points_S=points * np.array([1, -1, -1], np.float32)
     )
-    chosen = choose(cloud, ring, described, settings)
-    chosen.perception.step(cloud, LEVEL)  # the first scan also pays for touching the memory
+    surface = None if height_m is None else find_surface(cloud.points_S, height_m)
+    height_m = height_m if surface is None else surface.height_m
+    attitude = LEVEL if surface is None else surface.q_NS
+    chosen = choose(cloud, ring, described, _settings(height_m, ground_m, max_range_m))
+    chosen.perception.step(cloud, attitude)  # the first scan also pays for touching the memory
     begin = time.perf_counter()
-    objects = chosen.perception.step(cloud, LEVEL)
+    chosen.perception.step(cloud, attitude)
     time_ms = 1e3 * (time.perf_counter() - begin)
+    objects = objects_S(chosen.perception, cloud, attitude)
     result = _as_dict(chosen, objects, time_ms, _notes(chosen, cloud, sensor))
+    result["surface"] = _surface(surface)
     if plot is not None:
         from twinscrew.runtime.perception.picture import draw
 
@@ -66,6 +74,16 @@ def perceive(
         print(json.dumps(result))
     else:
         _print(Console(), result)
+
+
+def _surface(surface: Surface | None) -> dict[str, float] | None:
+    """Tell what the surface was found to be, if it was looked for and found."""
+    if surface is None:
+        return None
+    return {
+        "height_m": round(surface.height_m, 3),
+        "tilt_deg": round(float(np.degrees(surface.tilt_rad)), 2),
+    }
 
 
 def _settings(height_m: float | None, ground_m: float, max_range_m: float) -> PerceptionSettings:
@@ -144,5 +162,8 @@ def _print(console: Console, result: dict[str, Any]) -> None:
         f"{result['used_points']} of {result['points']} points used in {result['time_ms']:.2f} ms"
         + (f"; left out: {left_out}" if left_out else "")
     )
+    if result["surface"] is not None:
+        told = result["surface"]
+        console.print(f"surface {told['height_m']} m below, tilted by {told['tilt_deg']} degrees")
     for note in result["notes"]:
         console.print(note, style="yellow")

@@ -34,6 +34,16 @@ def test_whole_numbers_in_every_fifth_place_are_rings(tmp_path: Path, columns: i
     assert read_cloud(file).points.tolist() == np.tile(XYZ, (5, 1)).tolist()
 
 
+@pytest.mark.parametrize("columns", [4, 5])
+def test_where_both_fit_the_columns_are_those_that_do_not_mix(tmp_path: Path, columns: int) -> None:
+    rng = np.random.default_rng(0)
+    rows = np.column_stack([*rng.normal(0, [[9], [7], [1]], (3, 200)), *rng.random((2, 200))])
+    rows = rows[:, :columns]  # the fifth is a time: 800 or 1000 numbers, no rings
+    file = tmp_path / "cloud.bin"
+    file.write_bytes(rows.astype("<f4").tobytes())
+    assert read_cloud(file).points.tolist() == rows[:, :3].astype(np.float32).tolist()
+
+
 def test_an_npy_may_be_of_any_number_type_organised_or_named(tmp_path: Path) -> None:
     named = np.zeros(4, dtype=[("z", "f8"), ("x", "f4"), ("y", "f4")])
     for name, column in zip("xyz", XYZ.T, strict=True):
@@ -143,3 +153,33 @@ def test_lzf_copies_may_overlap_and_be_long() -> None:
 def test_broken_lzf_is_refused(data: bytes) -> None:
     with pytest.raises(MessageError, match="LZF"):
         decompress(data, 9)
+
+
+def npy_header(description: str) -> bytes:
+    text = f"{description}".ljust(117).encode() + b"\n"
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        npy_header("{'descr': '<f4', 'fortran_order': False, 'shape': (02,)}"),
+        npy_header("{'descr': '<02f4', 'fortran_order': False, 'shape': (2,)}"),
+        npy_header("{b'descr': '<f4', 'fortran_order': False, 'shape': (2, 3)}"),
+        npy_header("{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999, 3)}"),
+        npy_header("{'descr': [('x', '<f4', (0,)), ('y', '<f4'), ('z', '<f4')],"
+                   " 'fortran_order': False, 'shape': (0,)}"),
+        npy_header("{'descr': '<f4"),
+    ],
+)  # fmt: skip
+def test_an_npy_with_a_broken_header_is_refused(tmp_path: Path, data: bytes) -> None:
+    file = tmp_path / "cloud.npy"
+    file.write_bytes(data)
+    with pytest.raises(MessageError):
+        read_cloud(file)
+
+
+def test_numbers_that_are_none_make_no_warning(tmp_path: Path) -> None:
+    file = tmp_path / "cloud.bin"
+    file.write_bytes(np.arange(0x7F800000, 0x7F800000 + 40, dtype="<u4").tobytes())
+    assert len(read_cloud(file).points) in (8, 10)  # infinity and signalling NaNs
