@@ -9,7 +9,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: help setup setup-dev sitl test test-fast check format lint types imports bench train \
-        fuzz wheel docs clean native determinism accept
+        fuzz wheel docs clean native determinism accept faults soak
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -48,6 +48,12 @@ determinism: setup-dev  ## prove that the same recording gives the same bits, an
 
 accept: setup-dev  ## show how decisions differ from the accepted ones, and renew these if you agree
 	$(BIN)/python -m tests.replay.accept
+
+faults: setup  ## make every fault on real processes, and hold the boat to its promises
+	$(BIN)/twinscrew faults $(FAULTS_ARGS)
+
+soak: setup  ## sail SOAK_MIN minutes (default 60) with faults at random; look for what grows
+	$(BIN)/twinscrew soak --minutes $(or $(SOAK_MIN),60) $(SOAK_ARGS)
 
 bench: setup-dev  ## measure everything and print the figures
 	$(BIN)/twinscrew bench
