@@ -14,7 +14,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from twinscrew.hil_sim.experiments.ablations import ABLATIONS, parse_ablations, variants
+from twinscrew.hil_sim.experiments.ablations import (
+    ABLATIONS,
+    Switches,
+    parse_ablations,
+    variants,
+)
 from twinscrew.hil_sim.experiments.engine import check_engine
 from twinscrew.hil_sim.experiments.folder import FILE, begin, go_on
 from twinscrew.hil_sim.experiments.plan import Experiment, parse_methods
@@ -34,7 +39,9 @@ SMOOTHING_S = 300.0
 def experiment(
     methods: Annotated[
         str | None,
-        typer.Option(help="Names with commas: apf, mpc, a shipped policy, or NAME=FILE.onnx."),
+        typer.Option(
+            help="Names with commas: apf, mpc, random, a shipped policy, or NAME=FILE.onnx."
+        ),
     ] = None,
     sets: Annotated[
         str | None,
@@ -54,7 +61,15 @@ def experiment(
         str, typer.Option(help="local, or ray (the cluster that RAY_ADDRESS names).")
     ] = "local",
     ablate: Annotated[
-        str | None, typer.Option(help=f"Sail simpler variants too: {', '.join(ABLATIONS)}.")
+        str | None,
+        typer.Option(help=f"Sail simpler variants too: {', '.join(ABLATIONS)}; gap: most."),
+    ] = None,
+    base: Annotated[
+        str | None,
+        typer.Option(
+            help="Switches that hold throughout, as no_assurance for the bare methods.",
+            show_default="none",
+        ),
     ] = None,
     sensor: Annotated[
         str | None,
@@ -81,7 +96,7 @@ def experiment(
         "episodes": episodes,
         "seed": seed,
         "sensor": sensor,
-        "variants": None if ablate is None else variants(parse_ablations(ablate)),
+        "variants": _variants(ablate, base),
     }
     asked = {key: value for key, value in asked.items() if value is not None}
     engine_ = check_engine(engine)
@@ -99,6 +114,13 @@ def experiment(
             lambda done, total: bar.update(task, completed=done, total=total),
         )
     _tell(finished, folder, time.monotonic() - begin_s, as_json=as_json)
+
+
+def _variants(ablate: str | None, base: str | None) -> tuple[Switches, ...] | None:
+    """Give the variants asked for; None if nothing was said of them."""
+    if ablate is None and base is None:
+        return None
+    return variants(parse_ablations(ablate or ""), parse_ablations(base or "", "--base"))
 
 
 def _folder(

@@ -24,29 +24,48 @@ ABLATIONS = {
     "no_wind": "no wind",
     "no_waves": "flat water",
     "no_assurance": "the policy's thrust goes to the propellers unchecked, as in the paper",
+    "ideal_thrust": "commands reach the propellers as they are, not as the autopilot's pulses",
     "training_vessel": "mass, inertia, drag and thrusters of the training environment",
     "goal_4m": "a goal is reached within 4 m, as the authors' code has it for APF and MPC",
     "vanish": "vessels leave the map at their goals, as in training",
 }
 """What each switch does."""
+PRESETS = {
+    "gap": (
+        "no_assurance",
+        "ideal_perception",
+        "ideal_tracking",
+        "no_wind",
+        "no_waves",
+        "ideal_thrust",
+        "training_vessel",
+        "vanish",
+    )
+}
+"""Switches by one name: `gap` is all that training does not have."""
 FULL = "full"
 """The simulator as it is."""
 Switches = tuple[str, ...]
 
 
-def parse_ablations(text: str) -> Switches:
-    """Read switches as people type them: names with commas between them."""
-    names = tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
+def parse_ablations(text: str, key: str = "--ablate") -> Switches:
+    """Read switches as people type them: names with commas between them, `gap` for many."""
+    parts = [part.strip() for part in text.split(",") if part.strip()]
+    names = tuple(dict.fromkeys(name for part in parts for name in PRESETS.get(part, (part,))))
     for name in names:
         if name not in ABLATIONS:
-            raise ConfigError(one_of(name, ABLATIONS), key="--ablate")
+            raise ConfigError(one_of(name, (*ABLATIONS, *PRESETS)), key=key)
     return names
 
 
-def variants(switches: Switches) -> tuple[Switches, ...]:
-    """Give what is sailed: the full simulator, every switch alone, then all of them at once."""
-    alone = tuple((switch,) for switch in switches)
-    return ((), *alone, switches) if len(switches) > 1 else ((), *alone)
+def variants(switches: Switches, base: Switches = ()) -> tuple[Switches, ...]:
+    """Give what is sailed: the base, every switch alone with it, then all of them at once.
+
+    The base is the full simulator, or what its switches leave of it.
+    """
+    added = tuple(switch for switch in switches if switch not in base)
+    together = (added,) if len(added) > 1 else ()
+    return tuple((*base, *some) for some in ((), *((switch,) for switch in added), *together))
 
 
 def label(switches: Iterable[str]) -> str:

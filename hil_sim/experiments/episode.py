@@ -17,11 +17,12 @@ from twinscrew.hil_sim.experiments.ablations import (
     unassured,
     vessel_of,
 )
-from twinscrew.hil_sim.experiments.ideal import TruePerception, TrueTracker
+from twinscrew.hil_sim.experiments.chance import RandomPolicy
+from twinscrew.hil_sim.experiments.ideal import DirectCrew, TruePerception, TrueTracker
 from twinscrew.hil_sim.experiments.outcome import make_record
-from twinscrew.hil_sim.experiments.plan import Task
+from twinscrew.hil_sim.experiments.plan import CHANCE, CLASSICAL, Task
 from twinscrew.hil_sim.experiments.record import EpisodeRecord
-from twinscrew.hil_sim.experiments.witness import WitnessWorld
+from twinscrew.hil_sim.experiments.witness import WitnessAssurance, WitnessWorld
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.vessel.parameters import load_vessel
@@ -79,12 +80,12 @@ def _world(scenario: Scenario, task: Task) -> WitnessWorld:
 
 
 def _crew(world: WitnessWorld, task: Task, folder: Path | None) -> LockstepCrew:
-    names = world.scenario.names
+    names, by_chance = world.scenario.names, task.method.policy == CHANCE
     configs = [
         RuntimeConfig(
             name=name,
             sensor=task.sensor,
-            policy=task.method.policy,
+            policy=CLASSICAL[0] if by_chance else task.method.policy,  # chance replaces it below
             assurance=unassured(AssuranceSettings(), task.switches),
             mission=MissionSettings(goal_radius_m=world.scenario.goal_radius),
             autopilot=AutopilotSettings(system_id=i + 1, arm=True, receiver_fitted=False),
@@ -92,7 +93,14 @@ def _crew(world: WitnessWorld, task: Task, folder: Path | None) -> LockstepCrew:
         )
         for i, name in enumerate(names)
     ]
-    crew = LockstepCrew(configs, epoch_ns=world.epoch_ns)
+    kind = DirectCrew if "ideal_thrust" in task.switches else LockstepCrew
+    crew = kind(configs, epoch_ns=world.epoch_ns)
+    if by_chance:
+        for i, vessel in enumerate(crew.vessels):
+            vessel.controller.core.pipeline.policy = RandomPolicy((task.seed, i))
+    for config, vessel in zip(configs, crew.vessels, strict=True):
+        pipeline = vessel.controller.core.pipeline
+        pipeline.assurance = WitnessAssurance(config.assurance, config.thrust)
     _idealise(crew, world, task.switches)
     return crew
 

@@ -1,4 +1,4 @@
-"""Perception and tracking replaced by the truth: how a policy does that sees everything."""
+"""Perception, tracking and thrust replaced by the truth: how a policy does without their faults."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twinscrew.hil_sim.bodies import ABSENT
+from twinscrew.hil_sim.drivers.lockstep import LockstepCrew
 from twinscrew.hil_sim.world import World
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64, Objects, Odometry, PointCloud, Tracks
@@ -104,3 +105,11 @@ class TrueTracker(Tracker):
             covariance=np.zeros((count, 4, 4)),
             age_s=np.zeros(count),
         )
+
+
+class DirectCrew(LockstepCrew):
+    """Propellers that do what the runtimes command, not what is left of it in 1 us pulses."""
+
+    def thrust_N(self) -> Float64:
+        """Give each armed vessel's present command, (V, 2) [N]; see `Crew`."""
+        return np.array([vessel.controller.thrust for vessel in self.vessels])

@@ -20,7 +20,7 @@ from twinscrew.hil_sim.experiments.record import (
     Timing,
     VesselRecord,
 )
-from twinscrew.hil_sim.experiments.witness import WitnessWorld
+from twinscrew.hil_sim.experiments.witness import WitnessAssurance, WitnessWorld
 from twinscrew.hil_sim.supervisor import Outcome
 from twinscrew.runtime.app.replay import combined_sha256
 from twinscrew.runtime.messages.types import Float64
@@ -69,9 +69,15 @@ def _vessels(
             closest_approach_m=_finite(result.closest_approach_m),
             energy_ns=round(float(energy[i]), 1),
             decisions=crew.vessels[i].outlet.decisions,
+            interventions=_interventions(crew, i),
         )
         for i, result in enumerate(voyage.results)
     )
+
+
+def _interventions(crew: LockstepCrew, vessel: int) -> int:
+    assurance = crew.vessels[vessel].controller.core.pipeline.assurance
+    return assurance.interventions if isinstance(assurance, WitnessAssurance) else 0
 
 
 def _encounters(

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from twinscrew.hil_sim.experiments import chance
 from twinscrew.hil_sim.experiments.ablations import Switches
 from twinscrew.hil_sim.experiments.sets import SetSettings
 from twinscrew.runtime.errors import ConfigError, PolicyError
@@ -17,6 +18,7 @@ from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.settings import Count, Settings, shipped
 
 CLASSICAL = ("apf", "mpc")
+CHANCE = chance.NAME
 
 
 class Method(Settings, frozen=True, kw_only=True):
@@ -25,7 +27,7 @@ class Method(Settings, frozen=True, kw_only=True):
     name: str
     """What tables call it."""
     policy: str
-    """`apf`, `mpc`, the name of a shipped policy, or an ONNX file."""
+    """`apf`, `mpc`, `random`, the name of a shipped policy, or an ONNX file."""
     sha256: str
     """Of the policy's file, or of the baseline's settings: what was tested."""
 
@@ -112,8 +114,10 @@ def check(method: Method) -> None:
 
 
 def policy_sha256(policy: str) -> str:
-    """Give the hash of what decides: the ONNX file, or the baseline's settings."""
-    if policy in CLASSICAL:
+    """Give the hash of what decides: the ONNX file, the baseline's settings, or the code."""
+    if policy == CHANCE:
+        path = Path(chance.__file__)
+    elif policy in CLASSICAL:
         path = shipped("experiments", policy)
     else:
         path = shipped("policies", policy, ".onnx")
@@ -129,7 +133,8 @@ def _method(part: str) -> Method:
     else:
         policy = name
     try:
-        load_policy(policy)
+        if policy != CHANCE:
+            load_policy(policy)
         return Method(name=name, policy=policy, sha256=policy_sha256(policy))
     except (PolicyError, ConfigError) as error:
         raise PolicyError(

@@ -23,6 +23,8 @@ class VesselRecord(Settings, frozen=True, kw_only=True):
     energy_ns: float
     """[N s] Integral of |T| dt over both propellers."""
     decisions: int
+    interventions: int = 0
+    """[-] How often the assurance took the propellers from the policy."""
 
 
 class EncounterRecord(Settings, frozen=True, kw_only=True):

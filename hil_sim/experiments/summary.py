@@ -49,6 +49,8 @@ class Cell:
     decision_ms: tuple[float, float]
     """[ms] Median of the episodes' p50, and of their p99 (each the slowest vessel's)."""
     real_time_factor: float
+    interventions: int
+    """[-] Of the assurance, over all vessels."""
     head_on: Rule
     give_way: Rule
 
@@ -107,6 +109,7 @@ def cell(records: Sequence[EpisodeRecord]) -> Cell:
             median(record.timing.decision_p50_ms for record in records),
             median(record.timing.decision_p99_ms for record in records),
         ),
+        interventions=sum(v.interventions for record in records for v in record.vessels),
         real_time_factor=median(r.timing.simulated_s / r.timing.wall_s for r in records),
         head_on=rule(records, lambda encounter: encounter.kind == "head_on"),
         give_way=rule(records, lambda encounter: encounter.kind == "give_way"),

@@ -1,10 +1,13 @@
-"""A world that remembers what a vessel had touched when it was taken off the map."""
+"""What an experiment must remember: what a vessel touched, how often the assurance stepped in."""
 
 from __future__ import annotations
 
 from typing import Any, Literal
 
 from twinscrew.hil_sim.world import World
+from twinscrew.runtime.messages.types import Float64, HealthEvent
+from twinscrew.runtime.safety.assurance import Assurance
+from twinscrew.runtime.safety.events import ASSURANCE_INTERVENED
 
 Touched = Literal["vessel", "buoy", "quay"]
 
@@ -28,3 +31,16 @@ class WitnessWorld(World):
         if column < self.scenario.vessels:
             return "vessel"
         return "buoy" if column < self.scenario.vessels + len(self.scenario.buoys) else "quay"
+
+
+class WitnessAssurance(Assurance):
+    """An assurance, and how often it has taken the propellers from the policy."""
+
+    interventions = 0
+    """[-] Manoeuvres begun, or taking over from another."""
+
+    def step(self, *args: Any, **options: Any) -> tuple[Float64, tuple[HealthEvent, ...]]:
+        """See `Assurance.step`."""
+        thrust, events = super().step(*args, **options)
+        self.interventions += sum(event.name == ASSURANCE_INTERVENED.name for event in events)
+        return thrust, events

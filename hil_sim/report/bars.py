@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twinscrew.hil_sim.experiments.ablations import FULL
 from twinscrew.hil_sim.figures import COLOURS
 from twinscrew.hil_sim.report.material import Material
 
@@ -50,7 +49,7 @@ def draw_closest(path: Path, material: Material) -> None:
         near = sorted(
             vessel.closest_approach_m
             for record in material.records
-            if (record.method, record.variant) == (method, FULL)
+            if (record.method, record.variant) == (method, material.main)
             for vessel in record.vessels
             if vessel.closest_approach_m is not None
         )

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
 
-from twinscrew.hil_sim.experiments.ablations import FULL
 from twinscrew.hil_sim.experiments.episode import sail_episode
 from twinscrew.hil_sim.experiments.plan import Task, check
 from twinscrew.hil_sim.experiments.record import EpisodeRecord
@@ -35,7 +34,7 @@ def open_water(material: Material, folder: Path) -> Picture | None:
         for record in material.records
         if record.set in sizes
         and record.success
-        and (record.method, record.variant) == (material.methods[0], FULL)
+        and (record.method, record.variant) == (material.methods[0], material.main)
     ]
     if not chosen:
         return None
@@ -47,7 +46,8 @@ def passage(material: Material, folder: Path) -> Picture | None:
     """Draw the shipped passage of four buoys, sailed by the first method."""
     method = material.experiment.methods[0]
     chosen = SetSettings(name="passage", scenario="passage")
-    task = Task(method, chosen, (), 0, material.experiment.seed, material.experiment.sensor)
+    experiment = material.experiment
+    task = Task(method, chosen, experiment.variants[0], 0, experiment.seed, experiment.sensor)
     try:
         check(method)
     except PolicyError as error:
@@ -75,7 +75,7 @@ def choose(material: Material, count: int) -> list[EpisodeRecord]:
     """Choose failures: one of each method and cause, then a second of each, and so on."""
     kinds: dict[tuple[str, str], list[EpisodeRecord]] = {}
     for record in material.records:
-        if record.variant == FULL and record.cause is not None:
+        if record.variant == material.main and record.cause is not None:
             kinds.setdefault((record.method, record.cause), []).append(record)
     rounds = zip_longest(*kinds.values())
     return [record for row in rounds for record in row if record is not None][:count]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from twinscrew.hil_sim.experiments.ablations import FULL, label
+from twinscrew.hil_sim.experiments.ablations import label
 from twinscrew.hil_sim.experiments.folder import Folder, read_folder
 from twinscrew.hil_sim.experiments.plan import Experiment
 from twinscrew.hil_sim.experiments.record import EpisodeRecord
@@ -56,7 +56,7 @@ class Material:
 
     @property
     def variants(self) -> list[str]:
-        """Names, the full simulator first."""
+        """Names, the main one first."""
         return [label(switches) for switches in self.experiment.variants]
 
     @cached_property
@@ -85,9 +85,14 @@ class Material:
             for one, value in zip(paper.set, row, strict=True)
         }
 
+    @property
+    def main(self) -> str:
+        """The variant that the tables are of: the first, the full simulator unless asked."""
+        return self.variants[0]
+
     def full(self, method: str, set_name: str) -> Cell | None:
-        """Give the figures in the full simulator."""
-        return self.cells.get((method, set_name, FULL))
+        """Give the figures in the main variant."""
+        return self.cells.get((method, set_name, self.main))
 
     def line_of(self, record: EpisodeRecord) -> int:
         """Give the line of results.jsonl that holds an episode."""

@@ -10,6 +10,9 @@ from twinscrew.hil_sim.experiments.summary import Cell, Rule
 from twinscrew.hil_sim.report.markdown import NOTHING, interval, number, p_value, share, table
 from twinscrew.hil_sim.report.material import Material
 
+UNASSURED = "no_assurance"
+"""The variant in which the policy's thrust goes to the propellers unchecked."""
+
 
 def success(material: Material) -> str:
     """Success rates, a row a method, a column a set."""
@@ -24,7 +27,7 @@ def failures(material: Material) -> str:
     """First failures by cause over all sets."""
     rows = []
     for method in material.methods:
-        cell = material.pooled.get((method, FULL))
+        cell = material.pooled.get((method, material.main))
         if cell is not None:
             causes = (str(cell.failures[cause]) for cause in ("vessel", "buoy", "time"))
             rows.append([method, _success(cell), *causes])
@@ -65,7 +68,7 @@ def compare(material: Material, first: str, second: str) -> Paired:
     """Pair two methods' successes by set and episode, in the full simulator."""
     by_method: dict[str, dict[tuple[str, int], bool]] = {first: {}, second: {}}
     for record in material.records:
-        if record.variant == FULL and record.method in by_method:
+        if record.variant == material.main and record.method in by_method:
             by_method[record.method][record.set, record.episode] = record.success
     both = [key for key in by_method[first] if key in by_method[second]]
     return pair([by_method[first][key] for key in both], [by_method[second][key] for key in both])
@@ -122,8 +125,22 @@ def gap(material: Material) -> str:
     return table(header, rows)
 
 
+def assurance(material: Material) -> str:
+    """Each method unchecked and checked by the assurance, over all sets."""
+    rows = []
+    for method in material.methods:
+        for name, variant in (("without", UNASSURED), ("with", FULL)):
+            cell = material.pooled.get((method, variant))
+            if cell is not None:
+                causes = (str(cell.failures[cause]) for cause in ("vessel", "buoy", "time"))
+                told = NOTHING if variant == UNASSURED else str(cell.interventions)
+                rows.append([method, name, _success(cell), *causes, _time(cell), told])
+    header = ["", "assurance", "success", "hit a vessel", "hit a buoy", "over time"]
+    return table([*header, "travel time [s]", "interventions"], rows)
+
+
 def _pooled(material: Material) -> list[Cell]:
-    cells = (material.pooled.get((method, FULL)) for method in material.methods)
+    cells = (material.pooled.get((method, material.main)) for method in material.methods)
     return [cell for cell in cells if cell is not None]
 
 

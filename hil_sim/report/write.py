@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from twinscrew.hil_sim.experiments.ablations import FULL
 from twinscrew.hil_sim.experiments.results import results_sha256
 from twinscrew.hil_sim.experiments.runner import count
 from twinscrew.hil_sim.report import bars, gallery, tables
@@ -71,6 +72,8 @@ def _parts(material: Material, pictures: Sequence[Picture], failed: Sequence[Pic
     parts += ["## Closest approach", CLOSEST, f"![closest]({FIGURES}/closest_approach.png)"]
     parts += [tables.closest_approach(material), "## COLREGs", COLREGS, tables.colregs(material)]
     parts += ["## Effort and speed", EFFORT, tables.effort(material)]
+    if {tables.UNASSURED, FULL} <= set(material.variants):
+        parts += ["## With the assurance and without", ASSURED, tables.assurance(material)]
     if material.trained or len(material.variants) > 1:
         parts += ["## From training to the simulator", GAP, tables.gap(material)]
     if pictures:
@@ -90,6 +93,7 @@ def _setting(material: Material) -> list[str]:
             ["episodes", f"{there}, {experiment.episodes} a set, method and variant"],
             ["seed", f"{experiment.seed}; each episode's own is in its line"],
             ["sensor", experiment.sensor],
+            ["variant that the tables are of", material.main],
             ["results", f"SHA-256 {results_sha256(material.records)[:16]}..."],
             *(["commit, machine", f"{o.commit}; {o.machine}"] for o in folder.origins),
         ],
@@ -132,6 +136,9 @@ EFFORT = """\
 Energy: the integral of |T| dt over both propellers, mean a vessel in successful episodes.
 Decisions: from a scan's bytes to the thrust command's, median of the episodes' (the slowest
 vessel's), while the machine did whatever else it did."""
+ASSURED = """\
+The same episodes with the policy's thrust unchecked, as in the paper, and with the runtime's
+assurance in between, as on the boat. An episode fails once, by its first cause."""
 GAP = """\
 Success rate and mean travel time. Training: `twinscrew evaluate --all`, other episodes of the same
 kind, and travel times of every vessel that arrived. Full: the simulator; then the same episodes

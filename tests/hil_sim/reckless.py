@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
 from msgspec import structs
 
 from twinscrew.hil_sim.drivers.lockstep import LockstepCrew
 from twinscrew.hil_sim.drivers.voyage import Voyage
+from twinscrew.hil_sim.experiments.chance import RandomPolicy
 from twinscrew.hil_sim.scenario import Scenario, load_scenario
 from twinscrew.hil_sim.supervisor import Result
 from twinscrew.hil_sim.world import make_world
@@ -16,28 +16,11 @@ from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.pipeline import Pipeline
 from twinscrew.runtime.link.autopilot import AutopilotSettings
-from twinscrew.runtime.messages.types import Decision, Float64, Observation
+from twinscrew.runtime.messages.types import Decision
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.safety.assurance import AssuranceSettings
 
 SENSOR = "vrx32"
-LIMIT_NPS = 1000.0
-
-
-class RandomPolicy:
-    """Asks for any rates, whatever it sees; the seed says which."""
-
-    name = "random"
-    period_s = 0.5
-
-    def __init__(self, seed: tuple[int, ...]) -> None:
-        self._rng = np.random.default_rng(seed)
-
-    def act(self, observation: Observation) -> Float64:
-        return self._rng.uniform(-LIMIT_NPS, LIMIT_NPS, 2)
-
-    def reset(self) -> None:
-        """Go on drawing: nothing is remembered."""
 
 
 @dataclass(frozen=True, slots=True)

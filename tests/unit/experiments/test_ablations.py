@@ -39,6 +39,20 @@ def test_every_switch_is_sailed_alone_and_all_together_beside_the_full_simulator
     assert [label(one) for one in variants(two)][::3] == ["full", "no_wind+no_waves"]
 
 
+def test_a_base_holds_in_every_variant_and_is_not_switched_off_twice() -> None:
+    base = ("no_assurance",)
+    assert variants((), base) == (base,)
+    sailed = variants(("no_wind", "no_assurance", "no_waves"), base)
+    assert sailed == (base, (*base, "no_wind"), (*base, "no_waves"), (*base, "no_wind", "no_waves"))
+
+
+def test_gap_stands_for_all_that_training_does_not_have() -> None:
+    switches = parse_ablations("gap")
+    assert {"ideal_tracking", "no_waves", "training_vessel", "vanish"} < set(switches)
+    assert set(switches) == set(ABLATIONS) - {"goal_4m"}
+    assert parse_ablations("no_wind,gap").count("no_wind") == 1
+
+
 @pytest.mark.parametrize(("switch", "wind", "wave"), [("no_wind", 0, 1), ("no_waves", 1, 0)])
 def test_wind_and_waves_go_one_by_one(switch: str, wind: bool, wave: bool) -> None:
     sea = Sea(calmed(SeaSettings(), (switch,)), np.random.default_rng(1))

@@ -43,12 +43,31 @@ def test_an_episode_can_be_sailed_again_and_gives_the_same(sailed) -> None:
 
 @pytest.mark.parametrize(
     "switches",
-    [("ideal_perception",), ("ideal_tracking",), ("no_wind",), ("no_waves",), ("training_vessel",)],
+    [
+        ("ideal_perception",),
+        ("ideal_tracking",),
+        ("no_wind",),
+        ("no_waves",),
+        ("ideal_thrust",),
+        ("training_vessel",),
+    ],
 )
 def test_every_switch_changes_what_is_decided(sailed, switches) -> None:
     record = sail_episode(task(switches=switches)).record
     assert record.decisions_sha256 != sailed.record.decisions_sha256
     assert record.variant == switches[0]
+
+
+def test_chance_does_what_its_seed_says() -> None:
+    first, again = (sail_episode(task("random", episode=k)).record for k in (0, 1))
+    assert first.decisions_sha256 == again.decisions_sha256
+    other = sail_episode(task("random", seed=4)).record
+    assert other.decisions_sha256 != first.decisions_sha256
+
+
+def test_without_the_assurance_nobody_intervenes() -> None:
+    bare = sail_episode(task("random", switches=("no_assurance",))).record
+    assert [vessel.interventions for vessel in bare.vessels] == [0, 0]
 
 
 def test_what_fails_is_an_error_and_not_a_result() -> None:

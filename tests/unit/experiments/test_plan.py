@@ -76,6 +76,12 @@ def test_a_method_without_a_policy_is_named(text: str) -> None:
         parse_methods(f"apf,{text}")
 
 
+def test_chance_is_a_method_without_a_file() -> None:
+    (method,) = parse_methods("random")
+    check(method)
+    assert (method.policy, len(method.sha256)) == ("random", 64)
+
+
 def test_a_file_that_is_no_policy_is_refused(tmp_path: Path) -> None:
     (tmp_path / "bad.onnx").write_bytes(b"nonsense")
     with pytest.raises(PolicyError, match="method 'bad' has no policy"):

@@ -1,13 +1,14 @@
 import numpy as np
 import pytest
 
-from twinscrew.hil_sim.experiments.witness import WitnessWorld
+from twinscrew.hil_sim.experiments.witness import WitnessAssurance, WitnessWorld
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.sea.waves import WaveSettings
 from twinscrew.hil_sim.sea.wind import WindSettings
 from twinscrew.hil_sim.supervisor import Outcome, Supervisor
 from twinscrew.hil_sim.vessel.parameters import load_vessel
+from twinscrew.runtime.messages.types import Odometry, Tracks
 from twinscrew.runtime.perception.sensor import load_sensor
 
 CALM = SeaSettings(waves=WaveSettings(gain=0.0), wind=WindSettings(mean_mps=0.0))
@@ -50,3 +51,34 @@ def test_who_touches_nothing_has_nothing_to_say(tmp_path, thrust: float) -> None
     world, supervisor = sailed(tmp_path, "", [[thrust, thrust]])
     assert supervisor.outcomes == [Outcome.GOAL if thrust else Outcome.TIMEOUT]
     assert world.touched == {}
+
+
+def test_an_assurance_remembers_how_often_it_stepped_in() -> None:
+    assurance = WitnessAssurance()
+    thrust, done = np.full(2, 1000.0), {"decided": True}
+    for k, distance in enumerate((40.0, 8.0, 7.5, 40.0, 8.0)):
+        tracks = buoy_ahead(distance, stamp_ns=k * 500_000_000)
+        assurance.step(full_ahead(tracks.stamp_ns), tracks, thrust, thrust, **done)
+    assert assurance.interventions == 2
+
+
+def full_ahead(stamp_ns: int) -> Odometry:
+    return Odometry(
+        stamp_ns=stamp_ns,
+        position_N=np.zeros(3),
+        q_NB=np.array([1.0, 0.0, 0.0, 0.0]),
+        velocity_B=np.array([3.0, 0.0, 0.0]),
+        rates_B=np.zeros(3),
+    )
+
+
+def buoy_ahead(distance: float, stamp_ns: int) -> Tracks:
+    return Tracks(
+        stamp_ns=stamp_ns,
+        id=np.array([1]),
+        p_N=np.array([[distance, 0.0]]),
+        v_N=np.zeros((1, 2)),
+        radius=np.array([0.75]),
+        covariance=np.zeros((1, 4, 4)),
+        age_s=np.array([5.0]),
+    )

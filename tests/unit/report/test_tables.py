@@ -58,6 +58,30 @@ def test_rules_closest_approach_and_effort_are_told_a_method_a_row(material: Mat
     assert rows(tables.effort(material))["ac_iqn"] == ["30.0", "0.50", "1.00", "20.0"]
 
 
+def test_the_assurance_is_told_beside_its_absence(tmp_path: Path) -> None:
+    records = made_up()
+    bare = [replace(one, variant="no_assurance", success=True, cause=None) for one in records]
+    checked = [
+        replace(one, vessels=tuple(replace(v, interventions=2) for v in one.vessels))
+        for one in records
+    ]
+    out = folder(tmp_path / "out", checked + bare, variants=((), ("no_assurance",)))
+    told = [
+        [cell.strip() for cell in line.split("|")[1:-1]]
+        for line in tables.assurance(gather(out)).splitlines()[2:]
+    ]
+    assert [row[:2] for row in told[2:]] == [["apf", "without"], ["apf", "with"]]
+    assert told[2][2].startswith("100 % (6/6)")
+    assert told[3][3:6] == ["0", "2", "2"]
+    assert [row[-1] for row in told] == ["-", "24", "-", "24"]
+
+
+def test_tables_are_of_the_first_variant(tmp_path: Path) -> None:
+    records = [replace(one, variant="no_assurance") for one in made_up()]
+    material = gather(folder(tmp_path / "out", records, variants=(("no_assurance",),)))
+    assert "33 % (2/6)" in tables.failures(material)
+
+
 def test_the_gap_stands_between_training_and_every_variant(tmp_path: Path) -> None:
     records = made_up()
     calm = [replace(one, variant="no_wind", success=True, cause=None) for one in records]
