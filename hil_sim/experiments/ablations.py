@@ -14,6 +14,7 @@ from msgspec import structs
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.supervisor import SupervisorSettings
+from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, as_vrx
 from twinscrew.runtime.errors import ConfigError, one_of
 from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.settings import CONFIG_DIR
@@ -26,6 +27,7 @@ ABLATIONS = {
     "no_assurance": "the policy's thrust goes to the propellers unchecked, as in the paper",
     "ideal_thrust": "commands reach the propellers as they are, not as the autopilot's pulses",
     "training_vessel": "mass, inertia, drag and thrusters of the training environment",
+    "as_vrx": "VRX's own physics: wind coefficients along the world's axes, steps of 50 ms",
     "goal_4m": "a goal is reached within 4 m, as the authors' code has it for APF and MPC",
     "vanish": "vessels leave the map at their goals, as in training",
 }
@@ -87,6 +89,11 @@ def vessel_of(switches: Switches) -> str:
     """Name the vessel that sails."""
     trained = CONFIG_DIR / "experiments" / "training_vessel.toml"
     return str(trained) if "training_vessel" in switches else "wam_v"
+
+
+def dynamics(switches: Switches) -> DynamicsSettings:
+    """Say whose physics it is."""
+    return as_vrx() if "as_vrx" in switches else DynamicsSettings()
 
 
 def eased(scenario: Scenario, switches: Switches) -> Scenario:

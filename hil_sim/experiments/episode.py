@@ -11,6 +11,7 @@ from twinscrew.hil_sim.drivers.voyage import Voyage, VoyageResult
 from twinscrew.hil_sim.experiments.ablations import (
     Switches,
     calmed,
+    dynamics,
     eased,
     label,
     supervision,
@@ -26,6 +27,7 @@ from twinscrew.hil_sim.experiments.witness import WitnessAssurance, WitnessWorld
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.vessel.parameters import load_vessel
+from twinscrew.hil_sim.world import WorldSettings
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.recording_settings import RecordingSettings
@@ -76,7 +78,9 @@ def sail_episode(task: Task, folder: Path | None = None) -> Sailed:
 def _world(scenario: Scenario, task: Task) -> WitnessWorld:
     sea = calmed(load(shipped("sea", scenario.sea), SeaSettings), task.switches)
     vessel = load_vessel(vessel_of(task.switches))
-    return WitnessWorld(scenario, load_sensor(task.sensor), vessel, sea, task.seed)
+    settings = WorldSettings(dynamics=dynamics(task.switches))
+    sensor = load_sensor(task.sensor)
+    return WitnessWorld(scenario, sensor, vessel, sea, task.seed, settings=settings)
 
 
 def _crew(world: WitnessWorld, task: Task, folder: Path | None) -> LockstepCrew:

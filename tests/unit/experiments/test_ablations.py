@@ -4,6 +4,7 @@ import pytest
 from twinscrew.hil_sim.experiments.ablations import (
     ABLATIONS,
     calmed,
+    dynamics,
     eased,
     label,
     parse_ablations,
@@ -14,7 +15,7 @@ from twinscrew.hil_sim.experiments.ablations import (
 )
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
-from twinscrew.hil_sim.vessel.dynamics import VesselDynamics
+from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, VesselDynamics, as_vrx
 from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.hil_sim.vessel.rest import at_rest, still_water
 from twinscrew.runtime.errors import ConfigError
@@ -49,7 +50,7 @@ def test_a_base_holds_in_every_variant_and_is_not_switched_off_twice() -> None:
 def test_gap_stands_for_all_that_training_does_not_have() -> None:
     switches = parse_ablations("gap")
     assert {"ideal_tracking", "no_waves", "training_vessel", "vanish"} < set(switches)
-    assert set(switches) == set(ABLATIONS) - {"goal_4m"}
+    assert set(switches) == set(ABLATIONS) - {"goal_4m", "as_vrx"}
     assert parse_ablations("no_wind,gap").count("no_wind") == 1
 
 
@@ -75,6 +76,12 @@ def test_goals_and_arrivals_are_as_the_switches_say() -> None:
     assert not unassured(on, ("no_assurance",)).enabled
     assert supervision(()).after_goal == "hold"
     assert supervision(("vanish",)).after_goal == "vanish"
+
+
+def test_physics_are_ours_or_vrxs() -> None:
+    assert dynamics(()) == DynamicsSettings()
+    assert dynamics(("no_wind", "as_vrx")) == as_vrx()
+    assert as_vrx() != DynamicsSettings()
 
 
 def test_the_training_vessel_is_as_fast_ahead_as_trainings_and_floats_level() -> None:

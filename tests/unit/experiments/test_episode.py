@@ -50,6 +50,7 @@ def test_an_episode_can_be_sailed_again_and_gives_the_same(sailed) -> None:
         ("no_waves",),
         ("ideal_thrust",),
         ("training_vessel",),
+        ("as_vrx",),
     ],
 )
 def test_every_switch_changes_what_is_decided(sailed, switches) -> None:
