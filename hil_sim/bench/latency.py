@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import cycle, islice
 from typing import Any
 
 import numpy as np
 
+from twinscrew.hil_sim.bench.budgets import load_budgets, require
 from twinscrew.hil_sim.bench.numpy_segmentation import labels as numpy_labels
 from twinscrew.hil_sim.bench.scenes import basin, open_water
 from twinscrew.hil_sim.bench.timing import Stopwatch, garbage_at_rest
@@ -32,12 +34,26 @@ CONFIG = RuntimeConfig(
 )
 
 
+DENSITIES = ("sparse", "30k", "70k")
+STAGES = (
+    *("decode", "project", "segment", "objects", "track", "observe", "infer", "encode"),
+    "step",
+)
+"""What is measured of each density; every one needs a budget."""
+
 Scans = list[tuple[PointCloud, Odometry]]
 """Scans, with the odometry of each."""
 
 
 def run() -> dict[str, Any]:
-    """Measure: {"latency": {density: {stage: {"p50_ms", "p99_ms", "max_ms"}}}, "ratio": ..}."""
+    """Measure: {"latency": {density: {stage: {"p50_ms", "p99_ms", "max_ms"}}}, "ratio": ..}.
+
+    Raises
+    ------
+    ConfigError
+        A stage has no budget.
+    """
+    require(load_budgets(), DENSITIES, STAGES)
     scans = clouds()
     latency = {name: _measure(some) for name, some in scans.items()}
     ratios = {name: segment_ratio(some) for name, some in scans.items()}
@@ -76,20 +92,26 @@ def clouds() -> dict[str, Scans]:
     return {"sparse": there + back, **dense}
 
 
-def _measure(scans: Scans) -> dict[str, dict[str, float]]:
+def _measure(scans: Scans, count: int = SCANS) -> dict[str, dict[str, float]]:
     watch = Stopwatch()
     with garbage_at_rest():
-        _time_stages(scans, watch)
-        _time_steps(scans, watch)
+        _time_stages(scans, count, watch)
+        _time_steps(scans, count, watch)
     return watch.all_figures()
+
+
+def stage_names(scans: Scans) -> tuple[str, ...]:
+    """Give what is measured, in order."""
+    return tuple(_measure(scans, len(scans)))
 
 
 def _stamped(
     scans: Scans,
+    count: int,
 ) -> list[tuple[int, bytes, bytes]]:
     """Give each scan's payload and its odometry's, in turn, with stamps that go on."""
     payloads = []
-    for k, (cloud, odometry) in enumerate(islice(cycle(scans), SCANS)):
+    for k, (cloud, odometry) in enumerate(islice(cycle(scans), count)):
         stamp_ns = k * PERIOD_NS
         payloads.append(
             (
@@ -102,18 +124,16 @@ def _stamped(
 
 
 def _at(message: Any, stamp_ns: int) -> Any:
-    from dataclasses import replace
-
     return replace(message, stamp_ns=stamp_ns)
 
 
-def _time_stages(scans: Scans, watch: Stopwatch) -> None:
+def _time_stages(scans: Scans, count: int, watch: Stopwatch) -> None:
     controller = make_controller(CONFIG)
     pipeline = controller.core.pipeline
     goal = pipeline.mission.goal
     assert goal is not None  # noqa: S101
     thrust = np.array([300.0, 400.0])
-    for k, (scan, odometry) in enumerate(islice(cycle(scans), SCANS)):
+    for k, (scan, odometry) in enumerate(islice(cycle(scans), count)):
         stamp_ns = k * PERIOD_NS
         payload = cdr.encode_point_cloud(_at(scan, stamp_ns))
         with watch.time("decode"):
@@ -134,9 +154,9 @@ def _time_stages(scans: Scans, watch: Stopwatch) -> None:
             controller.link.command(thrust, stamp_ns / 1e9)
 
 
-def _time_steps(scans: Scans, watch: Stopwatch) -> None:
+def _time_steps(scans: Scans, count: int, watch: Stopwatch) -> None:
     controller = _engaged(make_controller(CONFIG))
-    for stamp_ns, cloud, odometry in _stamped(scans):
+    for stamp_ns, cloud, odometry in _stamped(scans, count):
         now_s = stamp_ns / 1e9
         controller.take_in("odometry", odometry, now_s)
         with watch.time("step"):

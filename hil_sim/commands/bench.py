@@ -14,6 +14,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from twinscrew.hil_sim.bench.budgets import compared, load_budgets
 from twinscrew.runtime.errors import ConfigError, one_of
 
 GROUP = "twinscrew.benches"
@@ -39,7 +40,7 @@ def bench(
     ] = 20.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
-    """Measure speed, latency and perception, and print the figures."""
+    """Measure speed, latency and perception, and print the figures beside their budgets."""
     console = Console(stderr=True)
     results: dict[str, Any] = {}
     for entry in _chosen(only):
@@ -48,12 +49,14 @@ def bench(
         run = _load(entry, console)
         if run is not None:
             results |= run(**_options(entry.name, plot, seconds))
+    results["budgets"] = compared(results, load_budgets())
     results["machine"] = machine()
     if as_json:
         print(json.dumps(results))
         return
     for name, values in results.items():
-        _print(Console(), name, values)
+        if values != {}:
+            _print(Console(), name, values)
 
 
 def machine() -> dict[str, Any]:

@@ -127,7 +127,9 @@ def _column(points: NDArray[Any], name: str) -> NDArray[Any]:
     values = points[name]
     if 0 in values.shape[1:]:
         raise MessageError(f"field {name!r} has no values")
-    return values[(slice(None), *[0] * (values.ndim - 1))]
+    first: tuple[Any, ...] = (slice(None), *[0] * (values.ndim - 1))
+    column: NDArray[Any] = values[first]
+    return column
 
 
 def _rings(values: NDArray[Any]) -> NDArray[np.uint16] | None:

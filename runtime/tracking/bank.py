@@ -72,7 +72,7 @@ class FilterBank:
             after[part], spread[part] = joint.update(x[part], P[part], z[part], H[part], R[part])
         return after, spread
 
-    def _joint(self, part: slice) -> _Joint:
+    def _joint(self, part: slice[int, int, None]) -> _Joint:
         return self._filters[part.stop - part.start - 1]
 
 
@@ -114,7 +114,7 @@ class _Joint:
         return self._filter.x.reshape(shape), _diagonal(P, shape[0], STATES, STATES)
 
 
-def _parts(count: int) -> list[slice]:
+def _parts(count: int) -> list[slice[int, int, None]]:
     return [slice(k, min(k + TOGETHER, count)) for k in range(0, count, TOGETHER)]
 
 

@@ -7,6 +7,7 @@ Sources: VLP-16 (63-9243), HDL-32E (63-9113) and OS1 (rev. C) user manuals.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -45,7 +46,7 @@ def vlp16() -> Firing:
         name="vlp16",
         elevations=np.radians(order),
         columns=1808,
-        offsets=step * np.arange(16) * 2.304 / 55.296,
+        offsets=step * np.arange(16.0) * 2.304 / 55.296,
     )
 
 
@@ -59,7 +60,7 @@ def hdl32e() -> Firing:
         name="hdl32e",
         elevations=np.radians(order),
         columns=2170,
-        offsets=step * np.arange(32) * 1.152 / 46.08,
+        offsets=step * np.arange(32.0) * 1.152 / 46.08,
     )
 
 
@@ -109,7 +110,7 @@ class Thing:
     @property
     def reach(self) -> float:
         """[m] The radius of the circle around it."""
-        return self.size[0] if len(self.size) == 1 else float(np.hypot(*self.size)) / 2
+        return self.size[0] if len(self.size) == 1 else math.hypot(*self.size) / 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

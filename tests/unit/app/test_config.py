@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 
+from twinscrew.hil_sim.bench.budgets import load_budgets
 from twinscrew.hil_sim.experiments.sets import load_sets
 from twinscrew.hil_sim.faults.plan import load_plan
 from twinscrew.hil_sim.scenario import load_scenario
@@ -14,13 +15,13 @@ from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.policy.vessel_model import VesselParameters
-from twinscrew.runtime.settings import CONFIG_DIR, load, read_toml
+from twinscrew.runtime.settings import CONFIG_DIR, load
 from twinscrew.training.settings_table import six_settings
 from twinscrew.training.train_settings import load_training
 
 READERS = {
     "runtime.toml": load_config,
-    "budgets.toml": read_toml,
+    "budgets.toml": load_budgets,
     "sensors/*": load_sensor,
     "sea/*": lambda path: load(path, SeaSettings),
     "scenarios/*": load_scenario,
