@@ -36,12 +36,15 @@ S = TypeVar("S", bound=Settings)
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file; a `ConfigError` says where it cannot be read."""
     try:
-        with path.open("rb") as file:
-            return tomllib.load(file)
+        content = path.read_bytes()
     except OSError as error:
         raise ConfigError(error.strerror or str(error), file=path) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"not TOML: {error}", file=path) from error
+    return _toml(content, path)
+
+
+def parse(content: bytes, type_: type[S], *, file: Path) -> S:
+    """Read settings from a TOML file's content."""
+    return convert(_toml(content, file), type_, file=file)
 
 
 def load(path: Path, type_: type[S]) -> S:
@@ -70,6 +73,13 @@ def shipped(folder: str, name: str | Path, suffix: str = ".toml") -> Path:
         names = sorted(p.stem for p in (CONFIG_DIR / folder).glob(f"*{suffix}"))
         raise ConfigError(one_of(str(name), names), file=CONFIG_DIR / folder)
     return found
+
+
+def _toml(content: bytes, file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(content.decode("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"not TOML: {error}", file=file) from error
 
 
 def _explain(message: str, values: object, type_: type[Settings]) -> tuple[str | None, str]:

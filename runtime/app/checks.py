@@ -9,6 +9,7 @@ from pathlib import Path
 from types import ModuleType
 
 from twinscrew.runtime.app import checks_machine as machine
+from twinscrew.runtime.app.checks_files import Sources, check_files
 from twinscrew.runtime.app.checks_network import check_network, check_permissions
 from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
 from twinscrew.runtime.app.finding import Finding, Verdict, fail, ok
@@ -17,6 +18,7 @@ from twinscrew.runtime.errors import TwinscrewError
 __all__ = ["Finding", "Verdict", "examine"]
 
 PACKAGES = (
+    "cryptography",
     "numpy",
     "scipy",
     "filterpy",
@@ -79,8 +81,11 @@ def check_bus(config: RuntimeConfig) -> Finding:
     return ok("Zenoh", f"{config.bus.mode}, {where}")
 
 
-def examine(config: RuntimeConfig, folder: Path) -> list[Finding]:
-    """Do every check that needs nothing but this machine; a refusal is a FAIL line."""
+def examine(config: RuntimeConfig, folder: Path, sources: Sources | None = None) -> list[Finding]:
+    """Do every check that needs nothing but this machine; a refusal is a FAIL line.
+
+    With `sources`, the files are compared with their manifest, too.
+    """
     checks: list[tuple[str, Callable[[], Finding]]] = [
         ("Python", check_python),
         ("packages", check_packages),
@@ -98,6 +103,8 @@ def examine(config: RuntimeConfig, folder: Path) -> list[Finding]:
         ("autopilot port", lambda: check_autopilot_port(config)),
         ("Zenoh", lambda: check_bus(config)),
     ]
+    if sources is not None:
+        checks.append(("files", lambda: check_files(sources)))
     return [_guarded(what, check) for what, check in checks]
 
 

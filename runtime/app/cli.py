@@ -35,6 +35,7 @@ SUMMARIES = {
     "replay": "Feed a recording to the core again and print the decisions' SHA-256.",
     "perceive": "Segment one point cloud file and print its objects.",
     "bench": "Measure speed, latency and perception, and print the figures.",
+    "manifest": "Write, sign and check the list of files that a boat's runtime may read.",
     "doctor": "Check this machine and this installation, line by line.",
 }
 """What `twinscrew --help` says of each command, in its order, without importing any."""
@@ -103,9 +104,9 @@ def _described(name: str) -> Callable[[], None]:
     return command
 
 
-def _load(entry: EntryPoint) -> Callable[..., None]:
+def _load(entry: EntryPoint) -> Callable[..., None] | typer.Typer:
     try:
-        function: Callable[..., None] = entry.load()
+        function: Callable[..., None] | typer.Typer = entry.load()
     except ModuleNotFoundError as error:
         extra = "train" if entry.name in {"train", "train-report", "export", "evaluate"} else "sim"
         raise TwinscrewError(
@@ -114,7 +115,9 @@ def _load(entry: EntryPoint) -> Callable[..., None]:
     return function
 
 
-def _as_command(function: Callable[..., None], name: str) -> Any:
+def _as_command(function: Callable[..., None] | typer.Typer, name: str) -> Any:
+    if isinstance(function, typer.Typer):  # it has subcommands of its own
+        return typer.main.get_command(function)
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command(name=name)(function)
     return typer.main.get_command(app)

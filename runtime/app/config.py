@@ -30,6 +30,16 @@ from twinscrew.runtime.settings import Positive, Settings, load
 from twinscrew.runtime.tracking.tracker import TrackerSettings
 
 
+class IntegritySettings(Settings, frozen=True):
+    """Whether the files that are read must be approved ones (docs/security.md)."""
+
+    manifest: str = ""
+    """A manifest (`twinscrew manifest write`): every file that is read must agree with it. Empty:
+    none. `run --manifest` says so beyond the reach of whoever can change this file."""
+    public_key: str = ""
+    """The manifest must be signed with this minisign key; others must not be able to change it."""
+
+
 class RuntimeConfig(Settings, frozen=True):
     """One vessel's runtime."""
 
@@ -62,6 +72,7 @@ class RuntimeConfig(Settings, frozen=True):
     ground: GroundSettings = GroundSettings()
     priority: PrioritySettings = PrioritySettings()
     recording: RecordingSettings = RecordingSettings()
+    integrity: IntegritySettings = IntegritySettings()
 
     def __post_init__(self) -> None:
         """Refuse thrust limits that the autopilot's paddles cannot ask for."""

@@ -26,7 +26,7 @@ from twinscrew.runtime.errors import ConfigError, RecordingError
 from twinscrew.runtime.link.reopening import reopening
 from twinscrew.runtime.link.transport import await_transport
 from twinscrew.runtime.policy.base import Policy
-from twinscrew.runtime.safety.events import PRIORITY_REFUSED
+from twinscrew.runtime.safety.events import FILES_APPROVED, PRIORITY_REFUSED
 
 INPUTS = ("points", "odometry", "goal", "route")
 SUMMARY_FILE = "runtime.json"
@@ -121,6 +121,7 @@ class Session:
         source: Path,
         stop: Callable[[], bool] = lambda: False,
         refused: tuple[str, ...] = (),
+        approval: str = "",
     ) -> None:
         """Prepare a run.
 
@@ -130,9 +131,12 @@ class Session:
             Ends the wait for an autopilot that is not there yet.
         refused
             What of the priority the system did not give (`priority.take`): it is told.
+        approval
+            Who stands for the files that were read, if anybody: it is told.
         """
         self._stop = stop
         self._refused = refused
+        self._approval = approval
         self._config = config
         self._source = source
         self._folder = Path(config.recording.folder) if config.recording.folder else None
@@ -199,6 +203,8 @@ class Session:
         if self._refused:
             told = PRIORITY_REFUSED.at(controller.stamp_ns, "; ".join(self._refused))
             self._outlet.happened((told,))
+        if self._approval:
+            self._outlet.happened((FILES_APPROVED.at(controller.stamp_ns, self._approval),))
         self._stack.enter_context(
             Garbage()
         )  # the first collection takes 20 ms: before a scan comes

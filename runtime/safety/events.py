@@ -72,6 +72,7 @@ OVERRUN = _warning(
 PRIORITY_REFUSED = _info(
     "priority_refused", "The system does not give the priority or the cores that were asked for."
 )
+FILES_APPROVED = _info("files_approved", "Every file that was read agrees with the manifest.")
 STATE = _info("state", "The vessel's state changed.")
 LINK_DOWN = _error(
     "link_down", "The connection to the autopilot broke: it is opened again, neutral thrust."

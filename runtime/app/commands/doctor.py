@@ -21,6 +21,12 @@ def doctor(
     config: Annotated[
         Path | None, typer.Option(help="The vessel's TOML file; the defaults without it.")
     ] = None,
+    manifest: Annotated[
+        Path | None, typer.Option(help="The manifest that `run` is given, with --config.")
+    ] = None,
+    public_key: Annotated[
+        Path | None, typer.Option(help="The key that `run` is given, with --config.")
+    ] = None,
     listen: Annotated[
         float, typer.Option(help="Listen to the boat for so long [s]; check what comes.", min=0)
     ] = 0.0,
@@ -28,12 +34,14 @@ def doctor(
 ) -> None:
     """Check this machine and this installation, line by line; exit status 1 if a line says FAIL."""
     from twinscrew.runtime.app.checks import examine
+    from twinscrew.runtime.app.checks_files import Sources
     from twinscrew.runtime.app.config import RuntimeConfig, load_config
     from twinscrew.runtime.app.finding import Verdict
 
     settings = load_config(config) if config is not None else _at_home(RuntimeConfig())
     folder = Path(settings.recording.folder or "runs")
-    findings = examine(settings, folder)
+    sources = None if config is None else Sources(config, manifest, public_key)
+    findings = examine(settings, folder, sources)
     if listen > 0:
         from twinscrew.runtime.app.traffic import listen as listen_to
 

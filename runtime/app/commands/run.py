@@ -10,29 +10,39 @@ from typing import Annotated
 
 import typer
 
-from twinscrew.runtime.app.config import RuntimeConfig, load_config
+from twinscrew.runtime.app.approval import Approved, load_approved
 
 
 def run(
     config: Annotated[Path, typer.Option(help="The vessel's TOML file; see config/runtime.toml.")],
+    manifest: Annotated[
+        Path | None, typer.Option(help="Read only files that agree with this manifest.")
+    ] = None,
+    public_key: Annotated[
+        Path | None, typer.Option(help="The minisign key that must have signed the manifest.")
+    ] = None,
 ) -> None:
     """Run one vessel's runtime until it is told to stop (SIGINT or SIGTERM)."""
-    settings = load_config(config)
+    approved = load_approved(config, manifest, public_key)
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    sail(settings, stop, source=config)
+    sail(approved, stop, source=config)
 
 
-def sail(config: RuntimeConfig, stop: threading.Event, *, source: Path) -> None:
+def sail(approved: Approved, stop: threading.Event, *, source: Path) -> None:
     """Open everything, loop until `stop` is set, close everything, and write the summary."""
     from twinscrew.runtime.app.priority import take
     from twinscrew.runtime.app.session import Session
 
+    config = approved.config
     refused = take(config.priority)
     for words in refused:
         print(f"{config.name}: ordinary priority: {words}", file=sys.stderr, flush=True)
-    with Session(config, source=source, stop=stop.is_set, refused=refused) as session:
+    approval = str(approved.approval or "")
+    with Session(
+        config, source=source, stop=stop.is_set, refused=refused, approval=approval
+    ) as session:
         print(f"{config.name}: running", file=sys.stderr, flush=True)
         session.loop.run(stop.is_set)
     summary = session.write_summary()
