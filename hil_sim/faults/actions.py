@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from typing import Any, NamedTuple, cast
 
@@ -132,9 +133,15 @@ def _hog(given: Hog) -> Action:
     def end() -> None:
         for hog in hogs:
             hog.kill()
+        for hog in hogs:
             hog.wait()
 
-    return Action(begin, end)
+    # Aside: to start and bury programs takes longer than the simulator can wait.
+    return Action(_aside(begin), _aside(end))
+
+
+def _aside(do: Callable[[], None]) -> Callable[[], None]:
+    return lambda: threading.Thread(target=do, daemon=True).start()
 
 
 def _pilot(rig: Rig, given: Pilot) -> Action:

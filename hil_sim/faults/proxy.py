@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import socket
 import threading
+from collections.abc import Callable
 
 from twinscrew.hil_sim.drivers.fleet import LOOPBACK
 
@@ -21,6 +22,7 @@ class Proxy:
         self._flows.set()
         self._lock = threading.Lock()
         self._open: list[socket.socket] = []
+        self._workers: list[threading.Thread] = []
         self._listener = self._listen(0)
         self.port = int(self._listener.getsockname()[1])
         """Where to connect instead of the target's port."""
@@ -43,9 +45,15 @@ class Proxy:
         self._flows.set()
         self._close_all()
 
+    def _work(self, do: Callable[..., None], *ends: socket.socket) -> None:
+        worker = threading.Thread(target=do, args=ends, daemon=True)
+        with self._lock:
+            self._workers.append(worker)
+        worker.start()
+
     def _listen(self, port: int) -> socket.socket:
         listener = socket.create_server((LOOPBACK, port))
-        threading.Thread(target=self._accept, args=(listener,), daemon=True).start()
+        self._work(self._accept, listener)
         return listener
 
     def _accept(self, listener: socket.socket) -> None:
@@ -64,7 +72,7 @@ class Proxy:
             self._open += [near, far]
         for one, other in ((near, far), (far, near)):
             one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            threading.Thread(target=self._pump, args=(one, other), daemon=True).start()
+            self._work(self._pump, one, other)
 
     def _pump(self, source: socket.socket, sink: socket.socket) -> None:
         with contextlib.suppress(OSError):
@@ -77,8 +85,12 @@ class Proxy:
     def _close_all(self) -> None:
         with self._lock:
             ends, self._open = self._open, []
+            workers, self._workers = self._workers, []
         for end in (self._listener, *ends):
             _shut(end)
+        for worker in workers:
+            worker.join()
+        for end in (self._listener, *ends):
             end.close()
 
 
