@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, BinaryIO, Final, NamedTuple, cast
@@ -84,6 +84,22 @@ class McapFile:
                     break
         return None
 
+    def topics(self) -> dict[str, str]:
+        """Give the types of its topics by their names: from its end, or by reading if it has none.
+
+        Raises
+        ------
+        RecordingError
+            The file is damaged.
+        """
+        with self._damage():
+            schemas, channels = self._summary() if self.whole else self._described()
+            return {
+                channel.topic: schemas[channel.schema_id].name
+                for channel in channels.values()
+                if channel.schema_id in schemas
+            }
+
     def messages(self) -> Iterator[BagMessage]:
         """Give the messages in the order of their times.
 
@@ -103,6 +119,24 @@ class McapFile:
         except _DAMAGE as error:
             what = str(error) or type(error).__name__
             raise RecordingError(f"{self.path}: damaged: {what}") from error
+
+    def _summary(self) -> tuple[Mapping[int, Schema], Mapping[int, Channel]]:
+        with self.path.open("rb") as stream:
+            bounded = cast("IO[bytes]", _Bounded(stream))
+            summary = SeekingReader(bounded, record_size_limit=MAX_RECORD).get_summary()
+        if summary is None or not summary.channels:  # a writer may leave the summary out
+            return self._described()
+        return summary.schemas, summary.channels
+
+    def _described(self) -> tuple[Mapping[int, Schema], Mapping[int, Channel]]:
+        schemas: dict[int, Schema] = {}
+        channels: dict[int, Channel] = {}
+        for record in self._records():
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                channels[record.id] = record
+        return schemas, channels
 
     def _in_time_order(self) -> Iterator[BagMessage]:
         with self.path.open("rb") as stream:

@@ -53,6 +53,9 @@ class Source(Protocol):
     def metadata(self, name: str) -> dict[str, str] | None:
         """Give a metadata record, if there is one of that name."""
 
+    def topics(self) -> Mapping[str, str]:
+        """Give the types of the topics that it holds, by their ROS names."""
+
     def messages(self) -> Iterator[BagMessage]:
         """Give the messages in the order of their times."""
 
@@ -75,6 +78,25 @@ class Recording:
         """False if the recorder was killed: the end is missing."""
         return all(source.whole for source in self.sources)
 
+    @property
+    def is_foreign(self) -> bool:
+        """True if somebody else recorded it: it says nothing of configuration and policy."""
+        return not self.metadata
+
+    def has(self, topic: str) -> bool:
+        """Tell whether it holds a topic of `TOPICS`, without reading its messages.
+
+        Raises
+        ------
+        RecordingError
+            The recording is damaged, or the topic's messages are of a wrong type.
+        """
+        return any(
+            self._name(name, ros_type) == topic
+            for source in self.sources
+            for name, ros_type in source.topics().items()
+        )
+
     def messages(self, topics: Collection[str] = tuple(TOPICS)) -> Iterator[Recorded]:
         """Give the messages of some topics, in the order of their times.
 
@@ -87,7 +109,7 @@ class Recording:
         for source in self.sources:
             for message in source.messages():
                 if message.name not in seen:
-                    seen[message.name] = self._name(message)
+                    seen[message.name] = self._name(message.name, message.ros_type)
                 name = seen[message.name]
                 if name is not None and name in topics:
                     yield Recorded(name, message.payload, message.time_ns)
@@ -103,13 +125,13 @@ class Recording:
         """Give the encoded decisions; errors as `messages`."""
         return (message.payload for message in self.messages(("decision",)))
 
-    def _name(self, message: BagMessage) -> str | None:
+    def _name(self, ros_name: str, ros_type: str) -> str | None:
         if not self.names:
-            return _guess(message)
-        name = self.names.get(message.name)
-        if name is not None and TOPICS[name].ros_type != message.ros_type:
+            return _guess(ros_name, ros_type)
+        name = self.names.get(ros_name)
+        if name is not None and TOPICS[name].ros_type != ros_type:
             expected = TOPICS[name].ros_type
-            what = f"{message.name} holds {message.ros_type}, but {name} is {expected}"
+            what = f"{ros_name} holds {ros_type}, but {name} is {expected}"
             raise RecordingError(f"{self.path}: {what}")
         return name
 
@@ -204,14 +226,14 @@ def _number(file: Path) -> tuple[int, str]:
     return (int(match[1]) if match else 0, file.name)
 
 
-def _guess(message: BagMessage) -> str | None:
+def _guess(ros_name: str, ros_type: str) -> str | None:
     """Recognise a topic by the end of its name and its type."""
     return next(
         (
             topic.name
             for topic in TOPICS.values()
-            if message.ros_type == topic.ros_type
-            and f"/{message.name}".endswith(f"/{topic.key.removeprefix('/')}")
+            if ros_type == topic.ros_type
+            and f"/{ros_name}".endswith(f"/{topic.key.removeprefix('/')}")
         ),
         None,
     )

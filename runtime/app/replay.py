@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from twinscrew.runtime.app.assemble import make_core
 from twinscrew.runtime.app.config import RuntimeConfig, load_config
 from twinscrew.runtime.app.core import Core
-from twinscrew.runtime.app.recording import DecisionHash, Recording
-from twinscrew.runtime.errors import RecordingError
+from twinscrew.runtime.app.odometry_source import SENSED, GpsImuOdometry, OdometrySource
+from twinscrew.runtime.app.recording import DecisionHash, Recorded, Recording
+from twinscrew.runtime.errors import MessageError, RecordingError
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.topics import CORE_INPUTS
 from twinscrew.runtime.messages.types import Engagement
 from twinscrew.runtime.settings import convert
 
@@ -45,7 +50,10 @@ class Replay:
 def replay(
     recording: Recording, *, config: Path | None = None, policy: str | None = None
 ) -> Replay:
-    """Feed a recording to the core again.
+    """Feed a recording to the core again. It is read once.
+
+    Where GPS and IMU are the configured source of odometry and the recording holds none, it is
+    made of them.
 
     Parameters
     ----------
@@ -64,30 +72,32 @@ def replay(
     TwinscrewError
         The configuration or the policy cannot be used.
     """
-    core = _core_of(recording, config, policy)
-    recorded = DecisionHash()
+    settings = _settings_of(recording, config, policy)
+    core = _core_of(recording, settings, checked=policy is None)
+    makes_odometry = settings.odometry_source == "gps_imu" and not recording.has("odometry")
+    source = GpsImuOdometry(settings.estimation) if makes_odometry else None
+    recorded, again = DecisionHash(), DecisionHash()
     recorded_count = 0
-    for payload in _recorded_decisions(recording):
-        recorded.add(payload)
-        recorded_count += 1
-    again = DecisionHash()
-    count, beginning = 0, again.hexdigest()
-    if not _has_engagement(recording):  # made elsewhere: decide as if the boat were ours
+    hashes = [again.hexdigest()]
+    if recording.is_foreign and not recording.has("engagement"):  # decide as if the boat were ours
         core.feed("engagement", cdr.encode_engagement(Engagement(stamp_ns=0, engaged=True)))
-    for message in recording.inputs():
-        outcome = core.feed(message.topic, message.payload)
-        if outcome.decision is not None:
-            again.add(cdr.encode_decision(outcome.decision))
-            count += 1
-            if count == recorded_count:
-                beginning = again.hexdigest()
+    for message in recording.messages((*CORE_INPUTS, *SENSED, "decision")):
+        if message.topic == "decision":
+            recorded.add(message.payload)
+            recorded_count += 1
+            continue
+        for topic, payload in _fed(message, source):
+            outcome = core.feed(topic, payload)
+            if outcome.decision is not None:
+                again.add(cdr.encode_decision(outcome.decision))
+                hashes.append(again.hexdigest())
     return Replay(
         vessel=recording.vessel,
-        decisions=count,
+        decisions=len(hashes) - 1,
         sha256=again.hexdigest(),
         recorded_decisions=recorded_count,
         recorded_sha256=recorded.hexdigest(),
-        beginning_sha256=beginning,
+        beginning_sha256=hashes[min(recorded_count, len(hashes) - 1)],
         whole=recording.whole,
     )
 
@@ -100,40 +110,37 @@ def combined_sha256(digests: Iterable[str]) -> str:
     return hashlib.sha256("".join(several).encode("ascii")).hexdigest()
 
 
-def _core_of(recording: Recording, config: Path | None, policy: str | None) -> Core:
+def _fed(message: Recorded, source: OdometrySource | None) -> Iterator[tuple[str, bytes]]:
+    """Give what the core takes in of a message; `source` makes odometry of GPS and IMU, if any."""
+    if message.topic not in SENSED:
+        if message.topic == "points" and source is not None:
+            yield from (("odometry", payload) for payload in source.payloads())
+        yield message.topic, message.payload
+    elif source is not None:
+        with suppress(MessageError):  # on the boat, a health event
+            source.sense(message.topic, message.payload)
+
+
+def _settings_of(recording: Recording, config: Path | None, policy: str | None) -> RuntimeConfig:
     if config is not None:
         settings = load_config(config)
     else:
         values = recording.metadata.get("config", {})
         settings = convert(values, RuntimeConfig, file=recording.path)
-    if policy is not None:
-        values = {**_plain(settings), "policy": policy}
-        settings = convert(values, RuntimeConfig, file=recording.path)
+    if policy is None:
+        return settings
+    values = {**msgspec.to_builtins(settings), "policy": policy}
+    return convert(values, RuntimeConfig, file=recording.path)
+
+
+def _core_of(recording: Recording, settings: RuntimeConfig, *, checked: bool) -> Core:
+    """Make the core; if `checked`, only with the very policy of the recording."""
     core = make_core(settings)
     expected = recording.metadata.get("policy_sha256", "")
     found = getattr(core.pipeline.policy, "sha256", "")
-    if policy is None and expected and found != expected:
+    if checked and expected and found != expected:
         raise RecordingError(
             f"{recording.path}: made with a policy of SHA-256 {expected[:12]}..., but "
             f"{settings.policy} is now {found[:12]}...; name the file with --policy"
         )
     return core
-
-
-def _plain(settings: RuntimeConfig) -> dict[str, object]:
-    import msgspec
-
-    plain: dict[str, object] = msgspec.to_builtins(settings)
-    return plain
-
-
-def _topics(recording: Recording) -> set[str]:
-    return {message.topic for message in recording.messages()}
-
-
-def _has_engagement(recording: Recording) -> bool:
-    return "engagement" in _topics(recording)
-
-
-def _recorded_decisions(recording: Recording) -> Iterable[bytes]:
-    return recording.decisions() if "decision" in _topics(recording) else ()

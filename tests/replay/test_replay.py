@@ -1,7 +1,8 @@
 """What a recording's core took in, taken in again, gives the same decisions."""
 
+import json
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,11 +11,14 @@ import onnx
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from tests.harness.boat import SECOND, cloud, odometry, stamp
+from tests.harness.circling import EPOCH_NS, Circling
 
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlSettings, sail
 from twinscrew.runtime.app.assemble import make_core
+from twinscrew.runtime.app.commands.replay import replay as replay_command
 from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.mcap_file import McapFile
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.app.recorder import Recorder
@@ -145,23 +149,110 @@ def test_a_policy_file_that_has_changed_since_is_refused(tmp_path: Path) -> None
     assert only(tmp_path / "run", policy=str(policy)).same
 
 
+BOAT_TOML = 'sensor = "vrx16"\n[mission]\nwaypoints_m = [[60.0, 0.0]]\n'
+
+
+def foreign(
+    path: Path,
+    messages: Iterable[tuple[str, bytes, float]],
+    names: Mapping[str, str] | None = None,
+    plugin: StoragePlugin = StoragePlugin.MCAP,
+) -> Path:
+    """Make a bag with another program; `names` are its topics' where they are not VRX's."""
+    with Writer(path, version=9, storage_plugin=plugin) as writer:
+        connections = {}
+        for topic, payload, time_s in messages:
+            if topic not in connections:
+                name = (names or {}).get(topic, f"/boat/{TOPICS[topic].key}")
+                ros_type = TOPICS[topic].ros_type
+                connections[topic] = writer.add_connection(name, ros_type, typestore=type_store())
+            writer.write(connections[topic], round(time_s * SECOND), payload)
+    return path
+
+
+def two_seconds() -> Iterator[tuple[str, bytes, float]]:
+    for k in range(20):
+        for topic, payload in good(0.1 * k):
+            yield topic, payload, 0.1 * k
+
+
 def test_a_bag_of_another_boat_is_decided_on_as_if_it_were_ours(tmp_path: Path) -> None:
-    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        connections = {
-            name: writer.add_connection(
-                f"/boat/{TOPICS[name].key}", TOPICS[name].ros_type, typestore=type_store()
-            )
-            for name in ("odometry", "points")
-        }
-        for k in range(20):
-            for topic, payload in good(0.1 * k):
-                writer.write(connections[topic], k * SECOND // 10, payload)
+    bag = foreign(tmp_path / "bag", two_seconds())
     config = tmp_path / "boat.toml"
-    config.write_text('sensor = "vrx16"\n[mission]\nwaypoints_m = [[60.0, 0.0]]\n')
-    again = only(tmp_path / "bag", config=config)
+    config.write_text(BOAT_TOML)
+    again = only(bag, config=config)
     assert (again.decisions, again.recorded_decisions) == (20, 0)
-    still = only(tmp_path / "bag")  # without a goal
+    still = only(bag)  # without a goal
     assert again.sha256 != still.sha256
+
+
+@pytest.mark.parametrize("plugin", list(StoragePlugin))
+def test_the_command_replays_a_bag_of_another_boat_whose_topics_a_file_names(
+    tmp_path: Path, plugin: StoragePlugin, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = {"odometry": "/odometry/filtered", "points": "/velodyne_points"}
+    bag = foreign(tmp_path / "bag", two_seconds(), names, plugin)
+    mapping, config = tmp_path / "names.toml", tmp_path / "boat.toml"
+    lines = [f'"{ros_name}" = "{topic}"' for topic, ros_name in names.items()]
+    mapping.write_text("\n".join(["[topics]", *lines]))
+    config.write_text(BOAT_TOML)
+    replay_command(bag, config=config, policy=None, topics=mapping, as_json=True)
+    told = json.loads(capsys.readouterr().out)
+    (vessel,) = told["vessels"]
+    assert (vessel["decisions"], vessel["recorded_decisions"]) == (20, 0)
+    plain = foreign(tmp_path / "plain", two_seconds())
+    assert told["decisions_sha256"] == only(plain, config=config).sha256
+
+
+def test_a_bag_with_gps_and_imu_but_no_odometry_is_decided_on_by_the_estimate(
+    tmp_path: Path,
+) -> None:
+    boat = Circling()
+    sensed: list[tuple[str, bytes, float]] = []
+    boat.spoil_imu = lambda imu, t: sensed.append(("imu", cdr.encode_imu(imu), t)) or imu
+    boat.spoil_fix = lambda fix, t: sensed.append(("gps", cdr.encode_fix(fix), t)) or fix
+    boat.sail(4.0)
+    scans = [
+        (
+            "points",
+            cdr.encode_point_cloud(replace(cloud(0.1 * k), stamp_ns=stamp(0.1 * k))),
+            0.1 * k,
+        )
+        for k in range(1, 40)
+    ]
+    assert stamp(0) == EPOCH_NS
+    bag = foreign(tmp_path / "bag", sorted([*sensed, *scans], key=lambda message: message[2]))
+    config = tmp_path / "boat.toml"
+    datum = "[estimation.datum]\nlatitude_deg = -33.7221\nlongitude_deg = 150.6739\n"
+    config.write_text('odometry_source = "gps_imu"\n' + BOAT_TOML + datum)
+    again = only(bag, config=config)
+    assert 35 <= again.decisions <= 39
+    assert again == only(bag, config=config)
+
+
+def test_a_recording_of_ours_in_which_nobody_drove_is_replayed_so(tmp_path: Path) -> None:
+    core = make_core(CONFIG)
+    metadata = metadata_of(CONFIG, core.pipeline.policy)
+    with Recorder(tmp_path / "idle", CONFIG.name, metadata, lossless=True) as recorder:
+        outlet = Outlet(None, recorder, clock_ns=lambda: 0)
+        for k in range(10):
+            for topic, payload in good(0.1 * k):
+                outlet.record(topic, payload)
+                outcome = core.feed(topic, payload)
+                if outcome.decision is not None:
+                    outlet.decided(outcome.decision, outcome.decision.thrust)
+    again = only(tmp_path / "idle")
+    assert again.decisions == 10
+    assert again.same
+
+
+def test_a_recording_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    record(tmp_path / "run")
+    reads = []
+    read = McapFile.messages
+    monkeypatch.setattr(McapFile, "messages", lambda self: reads.append(1) or read(self))
+    assert only(tmp_path / "run").same
+    assert len(reads) == 1
 
 
 def test_a_recorded_configuration_that_this_version_does_not_know_is_refused(

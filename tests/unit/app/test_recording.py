@@ -69,6 +69,26 @@ def test_a_bag_of_another_program_with_vrxs_names_is_understood(tmp_path, plugin
     assert contents(read_inputs(bag)) == IN_ORDER
 
 
+@pytest.mark.parametrize("plugin", list(StoragePlugin))
+def test_what_a_bag_holds_is_known_without_reading_it(tmp_path, plugin, monkeypatch):
+    (recording,) = find_recordings(foreign(tmp_path / "vrx", VRX, plugin))
+    for source in recording.sources:
+        monkeypatch.setattr(type(source), "messages", None)
+    held = {name for name in TOPICS if recording.has(name)}
+    assert held == {"points", "odometry", "imu"}
+    assert recording.is_foreign
+
+
+def test_a_file_cut_off_tells_what_it_holds_too(tmp_path):
+    file = record(tmp_path / "bag")
+    file.write_bytes(file.read_bytes()[:-2000])
+    (recording,) = find_recordings(file)
+    assert not recording.whole
+    assert not recording.is_foreign
+    assert recording.has("points")
+    assert not recording.has("odometry")
+
+
 def test_a_mapping_says_what_the_topics_of_another_boat_are(tmp_path):
     names = {"/odom": VRX[0][2], "/velodyne_points": VRX[1][2]}
     types = {"/odom": ODOMETRY, "/velodyne_points": POINTS}
