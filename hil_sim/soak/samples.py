@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,8 @@ import psutil
 
 BYTES_PER_MB = 1e6
 S_PER_H = 3600.0
+WINDOW_S = 60.0
+"""[s] In which memory may come and go."""
 
 
 class Sample(NamedTuple):
@@ -46,28 +49,41 @@ def sample(time_s: float, pid: int) -> Sample | None:
 
 
 def growth(samples: Sequence[Sample]) -> Growth:
-    """Give how much a process grew, from the median of all pairs' slopes (Theil, 1950; Sen, 1968).
+    """Give how much a process grew.
+
+    Memory: the least of every minute, so that what is given back (a recording's index, with every
+    file) is no growth; of these the median of all pairs' slopes (Theil, 1950; Sen, 1968). File
+    handles and threads: those that stay.
 
     Parameters
     ----------
     samples
         Of one process, in order; those taken before it was warm left out.
     """
-    if len(samples) < 2:
+    if not samples:
         return Growth(0.0, 0.0, 0, 0)
-    chosen = [
-        samples[i] for i in np.linspace(0, len(samples) - 1, min(len(samples), 300)).astype(int)
-    ]
-    t = np.array([s.time_s for s in chosen])
-    m = np.array([s.rss_mb for s in chosen])
+    least = _least_by_minute(samples)
+    t = np.array([sample.time_s for sample in least])
+    m = np.array([sample.rss_mb for sample in least])
     i, j = np.triu_indices(len(t), k=1)
-    apart = t[j] > t[i]
-    slope = float(np.median((m[j] - m[i])[apart] / (t[j] - t[i])[apart])) if apart.any() else 0.0
-    tenth = max(1, len(chosen) // 10)
-    first, last = chosen[:tenth], chosen[-tenth:]
+    slope = float(np.median((m[j] - m[i]) / (t[j] - t[i]))) if len(i) else 0.0
+    tenth = max(1, len(samples) // 10)
+    first, last = samples[:tenth], samples[-tenth:]
     return Growth(
         slope * S_PER_H,
         slope * float(t[-1] - t[0]),
         min(s.files for s in last) - max(s.files for s in first),
         min(s.threads for s in last) - max(s.threads for s in first),
     )
+
+
+def _least_by_minute(samples: Sequence[Sample]) -> list[Sample]:
+    """Give the sample with the least memory of every whole minute."""
+    begin_s = samples[0].time_s
+    minutes = groupby(samples, key=lambda sample: int((sample.time_s - begin_s) // WINDOW_S))
+    whole = int((samples[-1].time_s - begin_s) // WINDOW_S)
+    return [
+        min(group, key=lambda sample: sample.rss_mb)
+        for minute, group in minutes
+        if minute < max(1, whole)
+    ]

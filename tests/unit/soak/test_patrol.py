@@ -1,0 +1,18 @@
+import numpy as np
+
+from twinscrew.hil_sim.faults.waters import lanes
+from twinscrew.hil_sim.soak.patrol import TURN_M, Patrol
+from twinscrew.hil_sim.world import make_world
+
+
+def test_a_vessel_is_sent_back_at_each_end_of_its_lane() -> None:
+    scenario = lanes(2, 60.0)
+    world = make_world(scenario)
+    patrol = Patrol(world)
+    assert patrol.goal_of(1) is None
+    world.state.position_N[1, :2] = scenario.goals[1] - (TURN_M - 1.0, 0.0)
+    assert np.array_equal(patrol.goal_of(1), scenario.starts[1, :2])
+    assert patrol.goal_of(1) is None
+    world.state.position_N[1, :2] = scenario.starts[1, :2] + (TURN_M - 1.0, 0.0)
+    assert np.array_equal(patrol.goal_of(1), scenario.goals[1])
+    assert patrol.turns == [0, 2]
