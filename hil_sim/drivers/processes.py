@@ -166,7 +166,7 @@ class ProcessCrew(SteppedCrew):
         self._stack.close()
 
     def _start(self, endpoint: str) -> None:
-        settings = ZenohSettings(listen=(endpoint,), connect=(), lossless=True)
+        settings = ZenohSettings(listen=(endpoint,), connect=(), lossless=True, node="simulator")
         bus = ZenohBus(settings, self._configs[0].name)
         self._stack.callback(bus.close)
         for config in self._configs:

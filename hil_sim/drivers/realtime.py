@@ -89,7 +89,9 @@ class RealtimeCrew:
         endpoint = f"tcp/{LOOPBACK}:{port}"
         names = [config.name for config in self._configs]
         try:
-            bus = ZenohBus(ZenohSettings(listen=(endpoint,), connect=()), names[0])
+            bus = ZenohBus(
+                ZenohSettings(listen=(endpoint,), connect=(), node="simulator"), names[0]
+            )
             self._buses = [bus.within(name) for name in names]
             for vessel in range(len(self._configs)):
                 self._prepare(vessel, self._reroute(vessel, port))

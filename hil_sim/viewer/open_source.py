@@ -37,7 +37,7 @@ def from_endpoint(endpoint: str, names: str, sensor: str) -> LiveSource:
     if not listed:
         raise ConfigError("name at least one vessel", key="--names")
     boats = [Boat(name, load_sensor(sensor)) for name in listed]
-    return LiveSource(ZenohSettings(mode="client", connect=(endpoint,)), boats, Scene())
+    return LiveSource(ZenohSettings(mode="client", connect=(endpoint,), node=""), boats, Scene())
 
 
 def from_configs(files: Sequence[Path], scene: Scene | None = None) -> LiveSource:

@@ -12,6 +12,7 @@ from typing import Final, cast
 
 import zenoh
 
+from twinscrew.runtime.bus import tokens
 from twinscrew.runtime.bus.base import Received, Receiver, find_topic
 from twinscrew.runtime.bus.gaps import SequenceGaps, attachment, source_time_ns
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings, in_short, zenoh_config
@@ -37,6 +38,8 @@ class _Line:
         self.closed = False
         self.publishers: dict[str, _Publisher] = {}
         self.subscribers: list[zenoh.Subscriber[None]] = []
+        self._tokens: list[zenoh.LivelinessToken] = []
+        self._nodes: set[str] = set()
         config = zenoh_config(settings)
         try:
             self.session = zenoh.open(config)
@@ -44,6 +47,24 @@ class _Line:
             raise BusError(
                 f"Zenoh cannot be opened ({_words(config)}): {in_short(error)}"
             ) from None
+
+    def announce(self, namespace: str, topic: str, end: tokens.End) -> None:
+        """Tell ROS 2 that we publish, or hear, a topic."""
+        settings, session = self.settings, str(self.session.zid())
+        if not settings.node:
+            return
+        if settings.key_format == "ros2dds":
+            self._declare(tokens.dds_end(session, namespace, end, find_topic(topic)))
+            return
+        who = (session, settings.domain, namespace, settings.node)
+        if namespace not in self._nodes:
+            self._nodes.add(namespace)
+            self._declare(tokens.rmw_node(*who))
+        number = len(self._tokens) + 1
+        self._declare(tokens.rmw_end(*who, number, end, find_topic(topic)))
+
+    def _declare(self, token: str) -> None:
+        self._tokens.append(self.session.liveliness().declare_token(token))
 
 
 class _Publisher:
@@ -120,6 +141,7 @@ class ZenohBus:
         # bound, and would keep a program alive that forgot to close its bus.
         handler = zenoh.handlers.Callback(take, indirect=False)
         line.subscribers.append(line.session.declare_subscriber(self._key(topic), handler))
+        line.announce(self._namespace, topic, tokens.End.SUBSCRIBER)
 
     def wait_for_subscribers(self, topics: Iterable[str], timeout_s: float) -> bool:
         """Wait until somebody listens to each of the topics: what is sent before is lost.
@@ -180,6 +202,7 @@ class ZenohBus:
         if publisher is None:
             publisher = _Publisher(self._line, name, find_topic(topic).traffic)
             self._line.publishers[name] = publisher
+            self._line.announce(self._namespace, topic, tokens.End.PUBLISHER)
         return publisher
 
     def _key(self, topic: str) -> str:

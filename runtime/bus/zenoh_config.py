@@ -41,6 +41,9 @@ class ZenohSettings(Settings, frozen=True):
     """Whose keys: those of zenoh-bridge-ros2dds, or of rmw_zenoh."""
     domain: Annotated[int, Meta(ge=0, le=232)] = 0
     """[-] ROS_DOMAIN_ID; rmw_zenoh's keys hold it."""
+    node: Annotated[str, Meta(pattern="^([A-Za-z_][A-Za-z0-9_]*)?$")] = "twinscrew"
+    """The node's name in ROS 2: `ros2 topic list` shows what is published and heard; empty: it does
+    not."""
     max_message_mb: Positive = 64.0
     """[MB] Larger messages are thrown away and told. A cloud of 1e6 points has 20 to 48 MB."""
     lossless: bool = False

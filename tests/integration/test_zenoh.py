@@ -278,3 +278,48 @@ def _listening_sockets():
             if columns[3] == state and columns[9] in own:
                 found.add(columns[9])
     return found
+
+
+def tokens_seen(endpoint, pattern):
+    """What a stranger finds of tokens."""
+    config = zenoh_config(ZenohSettings(mode="client", connect=(endpoint,)))
+    with zenoh.open(config) as stranger:
+        found = (reply.ok for reply in stranger.liveliness().get(pattern))
+        return sorted(str(sample.key_expr) for sample in found if sample is not None)
+
+
+@pytest.mark.parametrize(
+    ("key_format", "pattern", "place"),
+    [("rmw_zenoh", "@ros2_lv/7/**", 9), ("ros2dds", "@/*/@ros2_lv/**", 4)],
+)
+def test_ros_2_is_told_what_is_published_and_heard(endpoint, key_format, pattern, place):
+    bus = ZenohBus(listening(endpoint, key_format=key_format, domain=7), "wamv1")
+    try:
+        Inbox().listen(bus, ("goal",))
+        for _ in range(2):
+            bus.publish("thrust_left", b"")
+        parts = [token.split("/") for token in tokens_seen(endpoint, pattern)]
+        ends = {
+            (kind, name) for kind in ("MP", "MS") for p in parts if kind in p for name in [p[place]]
+        }
+        slash = "%" if key_format == "rmw_zenoh" else "§"
+        lead = slash if key_format == "rmw_zenoh" else ""
+        names = ("wamv1/goal", "wamv1/thrusters/left/thrust")
+        heard, sent = (lead + name.replace("/", slash) for name in names)
+        assert ends == {("MS", heard), ("MP", sent)}
+        assert len([p for p in parts if "NN" in p]) == (key_format == "rmw_zenoh")
+        numbers = [p[4] for p in parts]
+        assert key_format == "ros2dds" or len(set(numbers)) == len(numbers)
+    finally:
+        bus.close()
+    assert tokens_seen_by_a_new_router(endpoint, pattern) == []
+
+
+def tokens_seen_by_a_new_router(endpoint, pattern):
+    """Somebody else listens there now: what was told is gone with the session that told it."""
+    bus = ZenohBus(listening(endpoint, node=""), "wamv1")
+    try:
+        bus.publish("thrust_left", b"")
+        return tokens_seen(endpoint, pattern)
+    finally:
+        bus.close()
