@@ -22,11 +22,29 @@ class OdometrySettings(Settings, frozen=True, kw_only=True):
     rate_sigma_radps: NonNegative = 0.0
     """[rad/s] Roll, pitch and yaw rate."""
 
+    @property
+    def exact(self) -> bool:
+        """True if there is no noise."""
+        return not (
+            self.position_sigma_m
+            or self.attitude_sigma_rad
+            or self.velocity_sigma_mps
+            or self.rate_sigma_radps
+        )
+
 
 def measure(
     state: VesselState, vessel: int, stamp_ns: int, settings: OdometrySettings, rng: Generator
 ) -> Odometry:
-    """Give one vessel's odometry. Twelve numbers are drawn from `rng`, with noise or without."""
+    """Give one vessel's odometry. With noise, twelve numbers are drawn from `rng`."""
+    if settings.exact:
+        return Odometry(
+            stamp_ns=stamp_ns,
+            position_N=state.position_N[vessel],
+            q_NB=state.q_NB[vessel],
+            velocity_B=state.velocity_B[vessel],
+            rates_B=state.rates_B[vessel],
+        )
     noise = rng.standard_normal((4, 3))
     tilt = quaternion_from_euler(*(settings.attitude_sigma_rad * noise[1]))
     return Odometry(

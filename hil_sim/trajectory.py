@@ -16,6 +16,10 @@ class TrajectoryLog:
         self._times: list[float] = []
         self._rows: list[Float64] = []
 
+    def due(self, time_s: float) -> bool:
+        """Tell whether it is time for the next row."""
+        return time_s >= self._next_s - 1e-9
+
     def add(self, time_s: float, pose_N: Float64, velocity_N: Float64, thrust: Float64) -> None:
         """Take in the present state, if it is time to.
 
@@ -30,7 +34,7 @@ class TrajectoryLog:
         thrust : (V, 2) float64
             Left, right [N].
         """
-        if time_s < self._next_s - 1e-9:
+        if not self.due(time_s):
             return
         self._next_s = time_s + self._every_s
         self._times.append(time_s)

@@ -13,12 +13,12 @@ from typing import Protocol
 
 import numpy as np
 
+from twinscrew.hil_sim.scene import rotations
 from twinscrew.hil_sim.sensors.navigation import Navigation
 from twinscrew.hil_sim.supervisor import Result, Supervisor, SupervisorSettings
 from twinscrew.hil_sim.trajectory import TrajectoryLog
 from twinscrew.hil_sim.world import World
 from twinscrew.runtime.errors import LinkError
-from twinscrew.runtime.geometry.frames import euler_from_quaternion, rotation_from_quaternion
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Goal, Odometry
 
@@ -233,13 +233,9 @@ class Voyage:
         return self._supervisor is not None and self._supervisor.outcomes[vessel] is not None
 
     def _note(self) -> None:
-        if self._supervisor is None:
+        if self._supervisor is None or not self._log.due(self._supervisor.elapsed_s):
             return
         state = self._world.state
-        heading = [euler_from_quaternion(q)[2] for q in state.q_NB]
-        velocity = [
-            (rotation_from_quaternion(q) @ v)[:2]
-            for q, v in zip(state.q_NB, state.velocity_B, strict=True)
-        ]
-        pose = np.column_stack([state.position_N[:, :2], heading])
-        self._log.add(self._supervisor.elapsed_s, pose, np.array(velocity), state.thrust)
+        velocity_N = (rotations(state.q_NB) @ state.velocity_B[..., None])[:, :2, 0]
+        pose = np.column_stack([state.position_N[:, :2], state.heading])
+        self._log.add(self._supervisor.elapsed_s, pose, velocity_N, state.thrust)

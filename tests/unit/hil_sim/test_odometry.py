@@ -20,7 +20,7 @@ def test_without_noise_odometry_is_the_truth() -> None:
     odometry = measure(STATE, 1, 77, OdometrySettings(), np.random.default_rng(0))
     assert odometry.stamp_ns == 77
     np.testing.assert_array_equal(odometry.position_N, STATE.position_N[1])
-    np.testing.assert_allclose(odometry.q_NB, STATE.q_NB[1], atol=1e-15)
+    np.testing.assert_array_equal(odometry.q_NB, STATE.q_NB[1])
     np.testing.assert_array_equal(odometry.velocity_B, STATE.velocity_B[1])
     np.testing.assert_array_equal(odometry.rates_B, STATE.rates_B[1])
 
