@@ -67,6 +67,27 @@ def test_systemd_accepts_the_unit(tmp_path):
     assert "Unknown" not in verdict.stderr, verdict.stderr
 
 
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd-analyze here")
+def test_systemd_finds_the_unit_well_confined(tmp_path):
+    here = tmp_path / UNIT.name
+    here.write_text(UNIT.read_text())
+    verdict = subprocess.run(
+        ["systemd-analyze", "security", "--offline=true", "--no-pager", str(here)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    exposure = float(re.search(r"Overall exposure level.*?: ([\d.]+)", verdict.stdout)[1])
+    assert exposure < 2.5, verdict.stdout
+
+
+def test_the_unit_allows_the_priority_that_the_runtime_asks_for():
+    unit = UNIT.read_text()
+    allowed = int(re.search(r"^LimitRTPRIO=(\d+)$", unit, re.MULTILINE)[1])
+    assert allowed >= load_config(BOAT).priority.fifo
+    assert "RestrictRealtime=yes" not in unit
+
+
 def test_the_watchdog_waits_longer_than_the_loops_slowest_sign_of_life():
     seconds = float(re.search(r"^WatchdogSec=([\d.]+)$", UNIT.read_text(), re.MULTILINE)[1])
     from twinscrew.runtime.app.notify import SHARE
@@ -86,3 +107,31 @@ def test_the_boats_wheel_leaves_out_what_a_boat_does_not_need():
     assert boat["cmake"]["define"]["TWINSCREW_SIMULATOR"] == "OFF"
     assert project["tool"]["cibuildwheel"]["environment"]["TWINSCREW_BOAT"] == "1"
     assert set(project["tool"]["cibuildwheel"]["archs"]) == {"x86_64", "aarch64"}
+
+
+def test_a_wheel_is_built_for_every_python_that_is_allowed():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    oldest = project["project"]["requires-python"].removeprefix(">=3.")
+    built = [int(name.removeprefix("cp3").rstrip("-*")) for name in project["tool"]["cibuildwheel"]["build"]]
+    assert min(built) == int(oldest)
+    assert built == list(range(min(built), max(built) + 1))
+
+
+def steps(page, heading):
+    """Give the lines of the first block of commands below a heading."""
+    below = page.partition(f"\n## {heading}")[2]
+    return below.partition("```sh\n")[2].partition("```")[0].splitlines()
+
+
+def test_the_guide_lays_out_what_the_unit_needs():
+    guide = (ROOT / "docs" / "deployment.md").read_text()
+    lines = "\n".join(steps(guide, "3. "))
+    unit, config = UNIT.read_text(), load_config(BOAT)
+    assert re.search(r"^User=(\w+)$", unit, re.MULTILINE)[1] == "twinscrew"
+    assert "adduser --system --group --home /var/lib/twinscrew twinscrew" in lines
+    assert "python3 -m venv /opt/twinscrew" in lines
+    assert "ExecStart=/opt/twinscrew/bin/twinscrew run" in unit
+    assert f"/etc/twinscrew/{config.name}.toml" in lines
+    for source in re.findall(r"deploy/\S+", lines):
+        assert (ROOT / source).is_file(), source
+    assert f"deploy/{UNIT.name} /etc/systemd/system/" in lines
