@@ -25,6 +25,8 @@ class MpcSettings(PlannerSettings, frozen=True, kw_only=True):
     """[s] Length of one, so that the horizon is 4 s. The paper does not say it. With the authors'
     0.2 s, or one decision period, the way round a buoy is never seen: vessels hit it or lie there.
     """
+    integration_s: Positive = 0.2
+    """[s] Longest time step of the simulated vessel: 4 s ahead need not be known to the metre."""
     goal_steps: Count = 1
     """[-] The way to the goal is judged over these first control steps: soon after the vessel
     decides afresh. Over the whole horizon a turn would seem to last, and braking would win."""
