@@ -20,7 +20,7 @@ from twinscrew.runtime.messages.header import read_stamp
 from twinscrew.runtime.messages.types import Decision, Float64, Odometry
 from twinscrew.runtime.messages.wire import Reader
 from twinscrew.runtime.perception.sensor import Sensor
-from twinscrew.runtime.safety.events import STATE
+from twinscrew.runtime.safety.events import STATE, STATE_NOW
 
 SHOWN: Final = (
     "points",
@@ -126,10 +126,16 @@ class Vessel:
 
     def _hear(self, payload: bytes, time_s: float) -> None:
         for event in cdr.decode_diagnostics(payload):
+            if event.name == STATE_NOW.name:
+                self._state = event.detail
+                continue
+            if event.name == STATE.name:
+                state = event.detail.rpartition(" ")[2]
+                if state == self._state:  # said again for those who come late
+                    continue
+                self._state = state
             severity = event.severity.value
             self._events.append(EventView(round(time_s, 2), event.name, severity, event.detail))
-            if event.name == STATE.name:
-                self._state = event.detail.rpartition(" ")[2]
 
     def _is_fresh(self, topic: str, now_s: float) -> bool:
         return now_s - self._heard_s.get(topic, -np.inf) <= FRESH_S

@@ -105,6 +105,7 @@ class Loop:
         self._tell(events)
         self._outlet.thrust(self._controller.thrust)
         self._look_for_losses()
+        self._outlet.state(self._controller.state.value, self._controller.stamp_ns)
         self._manager.alive(now_s, self._controller.state.value)
 
     def _hear_autopilot(self, now_s: float) -> None:

@@ -9,10 +9,20 @@ from contextlib import suppress
 from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.app.recording import DecisionHash
 from twinscrew.runtime.app.transforms import Frames
+from twinscrew.runtime.app.wake import Wake
 from twinscrew.runtime.bus.base import Bus
 from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.types import Decision, Float64, HealthEvent
+from twinscrew.runtime.messages.types import (
+    NANOSECONDS_PER_SECOND,
+    Decision,
+    Float64,
+    HealthEvent,
+)
+from twinscrew.runtime.safety.events import STATE_NOW
+
+STATE_EVERY_NS = NANOSECONDS_PER_SECOND
+"""[ns] How often the state is told while it stays as it is."""
 
 
 class Losses:
@@ -59,6 +69,8 @@ class Outlet:
         self._frames = frames
         self._clock_ns = clock_ns
         self._hash = DecisionHash()
+        self._wake = Wake()
+        self._state_told_ns: int | None = None
         self._recorder_losses, self._bus_losses = Losses(), Losses()
 
     @property
@@ -67,13 +79,16 @@ class Outlet:
         return self._hash.hexdigest()
 
     def record(self, topic: str, payload: bytes) -> None:
-        """Keep a core input, before the core gets it."""
-        if self._recorder is None:
-            return
-        self._recorder.record(topic, payload, self._clock_ns())
-        transforms = self._frames.see(topic, payload) if self._frames else None
-        if transforms is not None:
-            self._recorder.record("transforms", transforms, self._clock_ns())
+        """Keep a core input, before the core gets it, and tell the way that was sailed."""
+        if self._recorder is not None:
+            self._recorder.record(topic, payload, self._clock_ns())
+            transforms = self._frames.see(topic, payload) if self._frames else None
+            if transforms is not None:
+                self._recorder.record("transforms", transforms, self._clock_ns())
+        if topic == "odometry" and self._is_told:
+            path = self._wake.see(payload)
+            if path is not None:
+                self._tell("path", path)
 
     def own_odometry(self, payload: bytes) -> None:
         """Keep odometry that came from the autopilot, and publish it: nobody else does."""
@@ -89,7 +104,7 @@ class Outlet:
         payload = cdr.encode_decision(decision)
         self._hash.add(payload)
         self.decisions += 1
-        if self._bus is None and self._recorder is None:
+        if not self._is_told:
             return
         self._tell("decision", payload)
         self._tell("objects", cdr.encode_object_markers(decision.objects))
@@ -102,6 +117,13 @@ class Outlet:
             stamp_ns = max(event.stamp_ns for event in events)
             payload = cdr.encode_diagnostics(events, stamp_ns=stamp_ns, hardware_id=self._vessel)
             self._tell("diagnostics", payload)
+
+    def state(self, state: str, stamp_ns: int) -> None:
+        """Tell the vessel's state once a second: who begins to look has not heard of its change."""
+        now_ns, told_ns = self._clock_ns(), self._state_told_ns
+        if told_ns is None or not 0 <= now_ns - told_ns < STATE_EVERY_NS:
+            self._state_told_ns = now_ns
+            self.happened((STATE_NOW.at(stamp_ns, state),))
 
     def thrust(self, thrust: Float64) -> None:
         """Tell what the propellers are asked for: a VRX takes it from here."""
@@ -122,6 +144,11 @@ class Outlet:
         if not self._bus_losses.grew(sum(missing.values())):
             return None
         return ", ".join(f"{count} {what}" for what, count in missing.items())
+
+    @property
+    def _is_told(self) -> bool:
+        """Whether anybody is told anything."""
+        return self._bus is not None or self._recorder is not None
 
     def _tell(self, topic: str, payload: bytes) -> None:
         self._publish(topic, payload)

@@ -8,7 +8,7 @@ import numpy as np
 
 from twinscrew.runtime.messages.header import WORLD_FRAME, read_header, write_header
 from twinscrew.runtime.messages.types import Float64
-from twinscrew.runtime.messages.wire import Reader, Writer
+from twinscrew.runtime.messages.wire import HEADER_SIZE, Reader, Writer
 
 PATH_TYPE: Final = "nav_msgs/msg/Path"
 _SMALLEST_POSE: Final = 68
@@ -20,10 +20,31 @@ def encode_path(p_N: Float64, *, stamp_ns: int, frame_id: str = WORLD_FRAME) -> 
     writer = Writer()
     write_header(writer, stamp_ns, frame_id)
     writer.values("I", 4, len(p_N))
-    for north, east in p_N.tolist():
-        write_header(writer, stamp_ns, frame_id)
-        writer.values("7d", 8, east, north, 0.0, 0.0, 0.0, 0.0, 1.0)
-    return writer.payload()
+    for north, east in p_N[:1].tolist():
+        _write_pose(writer, stamp_ns, frame_id, (east, north))
+    return writer.payload() + _alike(p_N[1:], stamp_ns, frame_id)
+
+
+def _write_pose(
+    writer: Writer, stamp_ns: int, frame_id: str, east_north: tuple[float, float]
+) -> None:
+    write_header(writer, stamp_ns, frame_id)
+    writer.values("7d", 8, *east_north, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def _alike(p_N: Float64, stamp_ns: int, frame_id: str) -> bytes:
+    """Give the poses after the first, which begin at multiples of 8 bytes.
+
+    They differ in two numbers. One by one a thousand would hold up the control loop for 5 ms.
+    """
+    writer = Writer()
+    _write_pose(writer, stamp_ns, frame_id, (0.0, 0.0))
+    pose = writer.payload()[HEADER_SIZE:]
+    poses = np.frombuffer(bytearray(pose * len(p_N)), np.uint8).reshape(len(p_N), len(pose))
+    place = len(pose) - 7 * 8
+    east_north = np.ascontiguousarray(p_N[:, ::-1]).astype("<f8")
+    poses[:, place : place + 16] = east_north.view(np.uint8).reshape(len(p_N), 16)
+    return poses.tobytes()
 
 
 def decode_path(payload: bytes | memoryview) -> tuple[int, Float64]:

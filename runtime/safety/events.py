@@ -74,6 +74,7 @@ PRIORITY_REFUSED = _info(
 )
 FILES_APPROVED = _info("files_approved", "Every file that was read agrees with the manifest.")
 STATE = _info("state", "The vessel's state changed.")
+STATE_NOW = _info("state_now", "Which state the vessel is in; told every second.")
 LINK_DOWN = _error(
     "link_down", "The connection to the autopilot broke: it is opened again, neutral thrust."
 )

@@ -132,3 +132,30 @@ def test_what_is_missing_of_the_bus_is_told_by_topic_when_it_begins_and_when_it_
 
 def test_without_a_bus_nothing_is_missing_on_it() -> None:
     assert Outlet(None, None).bus_trouble() is None
+
+
+def test_the_state_is_told_once_a_second_for_those_who_come_late() -> None:
+    book, times_ns = Book(), iter(np.arange(0, 3_000_000_000, 50_000_000).tolist())
+    now = [0]
+    outlet = Outlet(None, book, clock_ns=lambda: now[0])
+    for now[0] in times_ns:
+        outlet.state("ready" if now[0] < 1_500_000_000 else "active", 7)
+    told = [cdr.decode_diagnostics(payload)[0] for _, payload, _ in book.pages]
+    assert [(event.name, event.detail) for event in told] == [
+        ("state_now", "ready"), ("state_now", "ready"), ("state_now", "active")
+    ]  # fmt: skip
+
+
+def test_the_way_that_was_sailed_is_published() -> None:
+    bus, heard = MemoryBus("wamv"), []
+    bus.subscribe("path", lambda message: heard.append(message.payload))
+    outlet = Outlet(bus, None)
+    for k in range(41):
+        outlet.record("odometry", cdr.encode_odometry(odometry(0.05 * k, north=0.1 * k)))
+    assert len(heard) == 3
+    np.testing.assert_allclose(cdr.decode_path(heard[-1])[1][-1], (4.0, 0.0), atol=0.11)
+
+
+def test_nobody_is_told_of_the_way_if_nobody_listens() -> None:
+    outlet = Outlet(None, None)
+    outlet.record("odometry", b"not even read")

@@ -6,12 +6,14 @@ from pathlib import Path
 import pytest
 
 from twinscrew.runtime.app.health import State
+from twinscrew.runtime.estimation import events as estimation_events
 from twinscrew.runtime.link import events as link_events
 from twinscrew.runtime.safety import events
 from twinscrew.runtime.safety.events import EventKind
 
 ROOT = Path(__file__).parents[3]
 DOC = (ROOT / "docs" / "safety.md").read_text()
+MODULES = (events, link_events, estimation_events)
 CONTROLLER = "tests/unit/app/test_controller.py"
 
 
@@ -28,7 +30,7 @@ def rows(title: str) -> list[list[str]]:
 def kinds() -> dict[str, EventKind]:
     found = [
         value
-        for module in (events, link_events)
+        for module in MODULES
         for value in vars(module).values()
         if isinstance(value, EventKind)
     ]
@@ -46,7 +48,7 @@ def test_every_event_of_the_code_is_in_the_table_and_no_other() -> None:
 
 
 def test_an_events_name_is_its_constants_and_its_meaning_a_sentence() -> None:
-    for module in (events, link_events):
+    for module in MODULES:
         for constant, kind in vars(module).items():
             if isinstance(kind, EventKind):
                 assert kind.name == constant.lower()

@@ -1,0 +1,23 @@
+"""nav_msgs/Path: any number of places, any name of the frame."""
+
+import numpy as np
+import pytest
+
+from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.definitions import type_store
+from twinscrew.runtime.messages.path import PATH_TYPE
+
+
+@pytest.mark.parametrize("frame_id", ["", "w", "world", "a/long/frame", "odom_12"])
+@pytest.mark.parametrize("count", [0, 1, 2, 100])
+def test_what_goes_out_comes_back_and_is_what_rosbags_reads(count, frame_id):
+    p_N = np.arange(2.0 * count).reshape(count, 2)
+    payload = cdr.encode_path(p_N, stamp_ns=12_345_678_901, frame_id=frame_id)
+    stamp_ns, again_N = cdr.decode_path(payload)
+    assert stamp_ns == 12_345_678_901
+    np.testing.assert_array_equal(again_N, p_N)
+    message = type_store().deserialize_cdr(payload, PATH_TYPE)
+    found = [(pose.pose.position.y, pose.pose.position.x) for pose in message.poses]
+    assert found == [tuple(place) for place in p_N.tolist()]
+    assert {pose.header.frame_id for pose in message.poses} <= {frame_id}
+    assert bytes(type_store().serialize_cdr(message, PATH_TYPE)) == payload
