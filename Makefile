@@ -9,7 +9,7 @@ export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
 .PHONY: help setup setup-dev sitl test test-fast check format lint types imports bench train \
-        fuzz wheel docs clean native determinism accept faults soak
+        fuzz wheel docs clean native determinism accept audit faults soak
 .DEFAULT_GOAL := help
 
 help:  ## list the targets
@@ -70,6 +70,9 @@ fuzz: setup-dev  ## fuzz decoder and kernels, FUZZ_S seconds each of three (defa
 
 wheel: setup-dev  ## build the boat's wheel (runtime alone) and try it in a bare environment
 	bash deploy/wheel.sh
+
+audit: setup-dev  ## look for known vulnerabilities, and for licences that a boat cannot carry
+	$(BIN)/python deploy/audit.py
 
 docs: setup-dev  ## build the documentation site into build/docs/site; no link may be broken
 	$(BIN)/python docs/site/stage.py
