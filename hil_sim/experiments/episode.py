@@ -93,7 +93,10 @@ def _crew(world: WitnessWorld, task: Task, folder: Path | None) -> LockstepCrew:
             assurance=unassured(AssuranceSettings(), task.switches),
             mission=MissionSettings(goal_radius_m=world.scenario.goal_radius),
             autopilot=AutopilotSettings(system_id=i + 1, arm=True, receiver_fitted=False),
-            recording=RecordingSettings(folder=str(folder / name) if folder else ""),
+            recording=RecordingSettings(
+                folder=str(folder / name) if folder else "",
+                about={"scenario": world.scenario.name, "seed": str(task.seed)},
+            ),
         )
         for i, name in enumerate(names)
     ]

@@ -49,6 +49,8 @@ def run(
     with ResultsFile(folder / FILE) as file:
         done = {record.key for record in file.records}
         kept, total = len(done), count(experiment)
+        if progress is not None:
+            progress(kept, total)  # what was there before is no measure of speed
         missing = [task for task in tasks(experiment) if key_of(task) not in done]
         for record in in_parallel(sail_task, missing, jobs, engine):
             file.append(record)
