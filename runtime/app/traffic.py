@@ -8,8 +8,9 @@ from collections import defaultdict
 from msgspec.structs import replace
 
 from twinscrew.runtime.app.config import RuntimeConfig, autopilot_of
-from twinscrew.runtime.app.finding import Finding, fail, ok
+from twinscrew.runtime.app.finding import Finding
 from twinscrew.runtime.app.heard import Heard, judge_content, judge_rate
+from twinscrew.runtime.app.heard_autopilot import judge_autopilot
 from twinscrew.runtime.app.session import inputs_of
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.bus.inbox import Inbox
@@ -24,14 +25,29 @@ from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.wire import Reader
 
 
-def listen(config: RuntimeConfig, seconds: float) -> list[Finding]:
-    """Listen for a while, and say what came; the boat is neither armed nor commanded."""
+def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False) -> list[Finding]:
+    """Listen for a while, and say what came; the boat is neither armed nor commanded.
+
+    Parameters
+    ----------
+    seconds
+        [s] How long.
+    write_params
+        Write the autopilot's parameters that are wrong.
+    """
     inbox = Inbox()
     bus = ZenohBus(config.bus, config.name)
     heard: dict[str, list[Heard]] = defaultdict(list)
     transport = open_transport(config.autopilot.connection)
     own = config.odometry_source == "autopilot"
-    link = AutopilotLink(replace(autopilot_of(config), arm=False, ask_manual=AskManual.NEVER))
+    link = AutopilotLink(
+        replace(
+            autopilot_of(config),
+            arm=False,
+            ask_manual=AskManual.NEVER,
+            write_parameters=write_params,
+        )
+    )
     topics = tuple(topic for topic in inputs_of(config) if TOPICS[topic].rate_hz > 0)
     try:
         inbox.listen(bus, topics)
@@ -48,7 +64,7 @@ def listen(config: RuntimeConfig, seconds: float) -> list[Finding]:
         transport.close()
     rated = (*topics, "odometry") if own else topics
     findings = [judge_rate(topic, heard[topic], seconds) for topic in rated]
-    return [*findings, *judge_content(heard, config), _autopilot(link)]
+    return [*findings, *judge_content(heard, config), *judge_autopilot(link)]
 
 
 def _heard(message: Received, came_s: float) -> Heard:
@@ -58,21 +74,3 @@ def _heard(message: Received, came_s: float) -> Heard:
     except MessageError:
         return Heard(message.payload, came_s, None)
     return Heard(message.payload, came_s, time.time() - 1e-9 * stamp_ns)
-
-
-def _autopilot(link: AutopilotLink) -> Finding:
-    status = link.status
-    if not status.connected:
-        advice = "check the connection string, the cable, and SERIALn_PROTOCOL 2"
-        return fail("autopilot", "nothing is heard", advice)
-    found = f"mode {status.mode}, {'armed' if status.armed else 'disarmed'}"
-    if not status.is_boat:
-        return fail("autopilot", f"{found}, no boat", "set FRAME_CLASS to 2")
-    if status.parameters_wrong:
-        wrong = "; ".join(status.parameters_wrong)
-        return fail(
-            "autopilot",
-            wrong,
-            "load config/autopilot/ardurover.parm, or run with write_parameters",
-        )
-    return ok("autopilot", found)

@@ -15,10 +15,11 @@ from pathlib import Path
 from twinscrew.runtime.link import commands
 from twinscrew.runtime.link.conditions import Conditions, conditions
 from twinscrew.runtime.link.conversation import Wanted
-from twinscrew.runtime.link.events import AUTOPILOT_SAYS
+from twinscrew.runtime.link.events import AUTOPILOT_SAYS, PARAMETERS_WRITTEN
 from twinscrew.runtime.link.listener import Listener
 from twinscrew.runtime.link.modes import mode_name
 from twinscrew.runtime.link.paddling import RELEASED, STOP, LettingGo, Pair, Thrust, paddles
+from twinscrew.runtime.link.parameters import ParameterState
 from twinscrew.runtime.link.settings import AutopilotSettings
 from twinscrew.runtime.link.signing import Signing, read_key
 from twinscrew.runtime.link.stations import Stations
@@ -140,6 +141,9 @@ class AutopilotLink:
         listener = self._listener
         said = [AUTOPILOT_SAYS.at(stamp_ns, text) for text in listener.texts]
         listener.texts = []
+        written = listener.parameters.take_written()
+        if written:
+            said.append(PARAMETERS_WRITTEN.at(stamp_ns, "; ".join(written)))
         holding = conditions(self.status, listener.authority, listener.manual, listener.arming)
         return (*said, *self._conditions.changes(holding, stamp_ns))
 
@@ -173,6 +177,11 @@ class AutopilotLink:
     def parameters_checked(self) -> bool:
         """Whether every parameter that the link depends on was answered or given up."""
         return self._listener.parameters.done
+
+    @property
+    def parameters(self) -> tuple[ParameterState, ...]:
+        """What is known of each parameter that the link depends on."""
+        return self._listener.parameters.states
 
     @property
     def status(self) -> AutopilotStatus:

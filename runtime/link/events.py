@@ -28,6 +28,9 @@ WRONG_VEHICLE = EventKind(
 PARAMETERS_WRONG = EventKind(
     "parameters_wrong", Severity.WARNING, "Autopilot parameters are not what they must be."
 )
+PARAMETERS_WRITTEN = EventKind(
+    "parameters_written", Severity.INFO, "Autopilot parameters were put right."
+)
 AUTOPILOT_RECOVERED = EventKind(
     "autopilot_recovered", Severity.INFO, "A condition of the autopilot link is over."
 )

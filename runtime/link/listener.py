@@ -76,8 +76,8 @@ class Listener:
 
     def connected(self, now_s: float) -> bool:
         """Tell whether the autopilot is heard."""
-        if now_s - self.heartbeat_s > self._settings.heartbeat_timeout_s:
-            return False
+        if not now_s - self.heartbeat_s <= self._settings.heartbeat_timeout_s:
+            return False  # nor before the first call, when the difference is no number
         streaming = math.isfinite(self.servo_s)
         return not streaming or now_s - self.message_s <= self._settings.silent_after_s
 

@@ -32,6 +32,26 @@ def expected_parameters(system_id: int) -> dict[str, float]:
     return read_parm(SHIPPED) | {GCS_ID: float(system_id)}
 
 
+@dataclass(frozen=True, slots=True)
+class ParameterState:
+    """What is known of one parameter."""
+
+    name: str
+    """As the autopilot calls it."""
+    wanted: float
+    found: float | None
+    """None if it was not answered."""
+    missing: bool
+    """Whether the autopilot does not know it."""
+    before: float | None
+    """What it was before we wrote it; None if we did not."""
+
+    @property
+    def right(self) -> bool:
+        """Whether it is what it must be."""
+        return self.found is not None and _same(self.found, self.wanted)
+
+
 @dataclass(slots=True)
 class _Question:
     name: str
@@ -42,6 +62,8 @@ class _Question:
     value: float | None = None
     missing: bool = False
     writes: int = 0
+    before: float | None = None
+    told: bool = False
 
     @property
     def open(self) -> bool:
@@ -80,6 +102,23 @@ class ParameterCheck:
         """What is known so far."""
         return {q.name: q.value for q in self._questions.values() if q.value is not None}
 
+    @property
+    def states(self) -> tuple[ParameterState, ...]:
+        """What is known of every parameter, in the order of the list."""
+        return tuple(
+            ParameterState(q.asked_as, q.expected, q.value, q.missing, q.before)
+            for q in self._questions.values()
+        )
+
+    def take_written(self) -> list[str]:
+        """Give words about each parameter that was put right since the last call."""
+        words = []
+        for q in self._questions.values():
+            if q.before is not None and not q.wrong and not q.told:
+                q.told = True
+                words.append(f"{q.asked_as} was {q.before:g}, is {q.expected:g} now")
+        return words
+
     def ask(self, target: int, now_s: float) -> list[Message]:
         """Give the requests to send now."""
         messages = []
@@ -101,6 +140,8 @@ class ParameterCheck:
         for question in asked:
             question.value, question.missing = value, False
             if self._write and question.wrong and question.writes < TRIES:
+                if question.before is None:
+                    question.before = value
                 question.writes += 1
                 mend.append(_write(target, name, question.expected))
         if asked:

@@ -30,6 +30,12 @@ def doctor(
     listen: Annotated[
         float, typer.Option(help="Listen to the boat for so long [s]; check what comes.", min=0)
     ] = 0.0,
+    write_params: Annotated[
+        bool,
+        typer.Option(
+            "--write-params", help="With --listen: write autopilot parameters that are wrong."
+        ),
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Check this machine and this installation, line by line; exit status 1 if a line says FAIL."""
@@ -37,6 +43,7 @@ def doctor(
     from twinscrew.runtime.app.checks_files import Sources
     from twinscrew.runtime.app.config import RuntimeConfig, load_config
     from twinscrew.runtime.app.finding import Verdict
+    from twinscrew.runtime.errors import ConfigError
 
     settings = load_config(config) if config is not None else _at_home(RuntimeConfig())
     folder = Path(settings.recording.folder or "runs")
@@ -45,7 +52,9 @@ def doctor(
     if listen > 0:
         from twinscrew.runtime.app.traffic import listen as listen_to
 
-        findings += listen_to(settings, listen)
+        findings += listen_to(settings, listen, write_params=write_params)
+    elif write_params:
+        raise ConfigError("only with --listen", key="--write-params")
     fit = all(finding.verdict is not Verdict.FAIL for finding in findings)
     rows = [(f.what, f.verdict.value, f.found, f.advice) for f in findings]
     if as_json:

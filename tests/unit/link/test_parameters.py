@@ -90,3 +90,32 @@ def test_values_that_travelled_as_32_bit_floats_are_the_same():
     check = ParameterCheck({"FS_TIMEOUT": 1.1})
     check.heard("FS_TIMEOUT", 1.100000023841858, TARGET)
     assert check.wrong == ()
+
+
+def test_what_was_written_is_told_once_with_what_it_was():
+    autopilot = expected_parameters(TARGET) | {"RC1_DZ": 30.0, "MOT_SLEWRATE": 50.0}
+    check = ParameterCheck(expected_parameters(TARGET), write=True)
+    converse(check, autopilot)
+    assert check.take_written() == ["RC1_DZ was 30, is 0 now", "MOT_SLEWRATE was 50, is 0 now"]
+    assert check.take_written() == []
+
+
+def test_a_refused_write_is_not_told_as_done():
+    check = ParameterCheck({"RC1_DZ": 0.0}, write=True)
+    check.heard("RC1_DZ", 30.0, TARGET)
+    check.heard("RC1_DZ", 30.0, TARGET)
+    assert check.take_written() == []
+
+
+def test_the_state_of_each_parameter_is_known():
+    autopilot = expected_parameters(TARGET) | {"RC1_DZ": 30.0}
+    del autopilot["FS_ACTION"]
+    check = ParameterCheck(expected_parameters(TARGET))
+    assert all(state.found is None for state in check.states)
+    converse(check, autopilot)
+    states = {state.name: state for state in check.states}
+    assert set(states) == set(expected_parameters(TARGET))
+    wrong = {name for name, state in states.items() if not state.right}
+    assert wrong == {"RC1_DZ", "FS_ACTION"}
+    assert (states["RC1_DZ"].found, states["RC1_DZ"].wanted) == (30.0, 0.0)
+    assert states["FS_ACTION"].missing
