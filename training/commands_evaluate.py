@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -36,6 +37,10 @@ def evaluate(
         str | None, typer.Option(help="One score at each level, as 0.125,0.5,1,adaptive.")
     ] = None,
     every: Annotated[bool, typer.Option("--all", help="The paper's six settings.")] = False,
+    on: Annotated[
+        Path | None,
+        typer.Option(help="Folder of an experiment: its episodes, set by set.", metavar="DIR"),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Score a policy in the training environment."""
@@ -46,6 +51,11 @@ def evaluate(
     from twinscrew.training.scenarios import ScenarioSettings
     from twinscrew.training.settings_table import published_distance_m, six_settings
 
+    if on is not None:
+        if risks is not None or every:
+            raise ConfigError("an experiment's episodes are scored at one level", key="--on")
+        _evaluate_on(on, open_policy(policy, parse_risk(risk)), seed, as_json=as_json)
+        return
     distance = published_distance_m(robots) if min_distance is None else min_distance
     one = {"robots": robots, "buoys": buoys, "min_distance_m": distance}
     rows = six_settings() if every else (convert(one, ScenarioSettings),)
@@ -61,6 +71,24 @@ def evaluate(
         curve[level] = {"settings": records} if every else records[0]
     if as_json:
         print(json.dumps(curve[risk] if risks is None else {"risks": curve}))
+
+
+def _evaluate_on(folder: Path, policy: BatchPolicy, seed: int, *, as_json: bool) -> None:
+    """Score a policy on an experiment's episodes."""
+    from twinscrew.training.given import evaluate_given, read_given
+    from twinscrew.training.scenarios import ScenarioSettings
+
+    sets = read_given(folder)
+    results = [evaluate_given(policy, given, seed) for given in sets.values()]
+    if as_json:
+        rows = zip(sets, results, strict=True)
+        print(json.dumps({"settings": [{"name": name} | one.record() for name, one in rows]}))
+        return
+    shapes = [
+        ScenarioSettings(robots=one.start.shape[1], buoys=one.buoy.shape[1], min_distance_m=0.0)
+        for one in sets.values()
+    ]
+    _print_table(shapes, results, f"on {folder}")
 
 
 def _evaluate(

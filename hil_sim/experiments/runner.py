@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from twinscrew.hil_sim.experiments.ablations import label
+from twinscrew.hil_sim.experiments.beginnings import write_beginnings
 from twinscrew.hil_sim.experiments.engine import Engine, in_parallel
 from twinscrew.hil_sim.experiments.episode import sail_task
 from twinscrew.hil_sim.experiments.plan import Experiment, Key, Task, check, tasks
@@ -46,6 +47,7 @@ def run(
     """
     for method in experiment.methods:
         check(method)
+    write_beginnings(folder, experiment)
     with ResultsFile(folder / FILE) as file:
         done = {record.key for record in file.records}
         kept, total = len(done), count(experiment)

@@ -166,6 +166,20 @@ def test_the_report_holds_the_figures_of_the_results(whole) -> None:
         assert (out / "figures" / picture.partition(")")[0]).is_file()
 
 
+def test_the_same_episodes_are_scored_in_the_training_environment_and_set_beside(
+    whole, tmp_path: Path
+) -> None:
+    out, _ = whole
+    done = twinscrew("evaluate", "apf", "--on", out, "--json")
+    assert done.returncode == 0, done.stderr
+    rows = as_json(done)["settings"]
+    assert [(row["name"], row["episodes"]) for row in rows] == [("head on", 2), ("two", 2)]
+    (tmp_path / "apf.json").write_text(done.stdout)
+    words = ("--evaluations", f"apf={tmp_path / 'apf.json'}", "--no-trajectories", "--json")
+    text = Path(as_json(twinscrew("report", out, *words))["report"]).read_text()
+    assert "From training to the simulator" in text
+
+
 def _count(out: Path) -> int:
     file = out / "results.jsonl"
     return file.read_bytes().count(b"\n") if file.exists() else 0
