@@ -20,6 +20,7 @@ _FACTORY: Mapping[str, float] = {
     "ARMING_CHECK": 1.0,
     "FS_THR_VALUE": 910.0,  # us, a throttle channel below this is a lost radio
     "FS_GCS_ENABLE": 0.0,
+    "SIM_RC_FAIL": 1.0,  # ArduPilot's simulator only: 0 gives it a receiver, 1 none
     "SERVO2_FUNCTION": 0.0,
     "SERVO4_FUNCTION": 0.0,
 }

@@ -45,7 +45,8 @@ class Radio:
                 continue
             released = value == (RELEASE if channel < 8 else RELEASE_HIGH)
             self._overrides[channel] = None if released else (value, now_s)
-            self._last_override_s = now_s
+        if any(override is not None for override in self._overrides):
+            self._last_override_s = now_s  # read: giving every channel back is no sign of a pilot
 
     def clear_overrides(self) -> None:
         """Forget every override, as the failsafe does."""

@@ -58,8 +58,9 @@ class Rover:
     """
 
     def __init__(self, settings: RoverSettings, system_id: int, boot_s: float = 0.0) -> None:
-        self.parameters = Parameters(system_id, settings.parameters)
-        self.radio = Radio(receiver=settings.receiver)
+        receiver = {"SIM_RC_FAIL": 0.0 if settings.receiver else 1.0}
+        self.parameters = Parameters(system_id, receiver | settings.parameters)
+        self.radio = Radio(receiver=self.parameters["SIM_RC_FAIL"] == 0)
         self.mode = Mode.MANUAL
         self.armed = False
         self.failsafe = False
@@ -122,6 +123,7 @@ class Rover:
     def step(self, now_s: float) -> None:
         """Let time pass: channels age, the failsafe watches, the outputs follow."""
         self._now_s = now_s
+        self.radio.receiver = self.parameters["SIM_RC_FAIL"] == 0
         self.radio.update(now_s, self.parameters["RC_OVERRIDE_TIME"])
         self._watch_radio(now_s)
         self._drive()

@@ -61,11 +61,13 @@ class Instance:
     def write_parameters(self) -> None:
         """Write its parameters into its folder: the shipped ones, with its own system id.
 
-        Firmware 4.7 has new names for the two ids; each version passes over the other's names.
+        Firmware 4.7 has new names for the two ids; each version passes over the other's names. Its
+        simulator would have a radio receiver, whose sticks rest: SIM_RC_FAIL 1 takes it away, so
+        that the radio failsafe stops a boat whose runtime has died.
         """
         own = float(self.system_id)
         ids = dict.fromkeys(("SYSID_THISMAV", "SYSID_MYGCS", "MAV_SYSID", "MAV_GCS_SYSID"), own)
-        values = {**read_parm(SHIPPED), **ids}
+        values = {**read_parm(SHIPPED), **ids, "SIM_RC_FAIL": 1.0}
         self.folder.mkdir(parents=True, exist_ok=True)
         lines = [f"{name} {value:g}\n" for name, value in values.items()]
         (self.folder / PARAMETERS_FILE).write_text("".join(lines))

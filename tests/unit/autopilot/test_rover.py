@@ -197,3 +197,24 @@ def test_swapped_outputs_are_swapped():
 def test_a_parameter_that_does_not_exist_is_refused_by_name():
     with pytest.raises(ConfigError, match="RC1_DEADZONE"):
         rover(parameters={"RC1_DEADZONE": 0.0})
+
+
+def test_channels_given_back_are_no_sign_of_a_pilot():
+    """Without a receiver, the failsafe's time runs from the last real override."""
+    boat = underway()
+    sail(boat, since_s=0.2, until_s=1.0, left=1700, right=1700)
+    for k in range(100, 180, 2):
+        boat.override([0, IGNORE, 0] + [IGNORE] * 13, SYSTEM, k / 100)
+        boat.step(k / 100)
+    assert boat.propellers == (1500, 1500)
+
+
+def test_a_simulated_receiver_can_be_switched_on():
+    boat = underway()
+    boat.parameters.set("SIM_RC_FAIL", 0.0)
+    sail(boat, since_s=0.2, until_s=1.0, left=1700, right=1700)
+    sail(boat, since_s=1.0, until_s=3.5, overrides_until_s=0.9)
+    assert boat.propellers == (1700, 1700)  # held for RC_OVERRIDE_TIME
+    sail(boat, since_s=3.5, until_s=4.2, overrides_until_s=0.9)
+    assert boat.propellers == (1500, 1500)
+    assert boat.mode is Mode.MANUAL
