@@ -302,7 +302,9 @@ def _config(settings: SitlSettings, scenario: Scenario, index: int, folder: str)
             datum=DATUM,
         ),
         ground=ALL_TOLD if settings.ground else GroundSettings(),
-        recording=RecordingSettings(folder=folder),
+        recording=RecordingSettings(
+            folder=folder, about={"scenario": scenario.name, "seed": str(settings.seed)}
+        ),
     )
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from msgspec import field
+
 from twinscrew.runtime.settings import Count, Positive, Settings
 
 
@@ -36,3 +38,5 @@ class RecordingSettings(RecorderSettings, frozen=True):
 
     folder: str = ""
     """Where the recording (rosbag2, MCAP) and the summary go; empty: nothing is kept."""
+    about: dict[str, str] = field(default_factory=dict)
+    """What else a reader should know: a simulator says scenario and seed here."""

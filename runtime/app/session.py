@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -92,10 +93,15 @@ def nothing_told(name: str) -> RunSummary:
 
 
 def metadata_of(config: RuntimeConfig, policy: Policy) -> dict[str, Any]:
-    """Give what a replay must know: the configuration, and the policy's hash (if it is a file)."""
+    """Give what a replay must know: configuration, the policy's hash (if it is a file), machine."""
     return {
         "config": msgspec.to_builtins(config),
         "policy_sha256": getattr(policy, "sha256", ""),
+        "platform": {
+            "python": platform.python_version(),
+            "architecture": platform.machine(),
+            "libc": " ".join(platform.libc_ver()),
+        },
     }
 
 

@@ -1,9 +1,12 @@
 """What a recording's core took in, taken in again, gives the same decisions."""
 
+import hashlib
 import json
+import platform
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +33,7 @@ from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.definitions import type_store
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.types import Engagement, Goal
-from twinscrew.runtime.settings import CONFIG_DIR
+from twinscrew.runtime.settings import CONFIG_DIR, convert
 
 BRIEF = replace(load_scenario("passage"), time_limit_s=4.0)
 CONFIG = RuntimeConfig(sensor="vrx16", mission=MissionSettings(waypoints_m=((60.0, 0.0),)))
@@ -101,6 +104,22 @@ def test_every_vessel_of_a_run_decides_the_same_again(run: tuple[Path, str]) -> 
     assert all(r.same and r.whole for r in replays)
     assert all(r.decisions == r.recorded_decisions > 20 for r in replays)
     assert combined_sha256(r.sha256 for r in replays) == sha256
+
+
+def test_a_recording_tells_everything_that_its_decisions_depend_on(run: tuple[Path, str]) -> None:
+    """Configuration, the policy's bytes, the software's versions, the machine, the seed."""
+    policy = (CONFIG_DIR / "policies" / "ac_iqn.onnx").read_bytes()
+    for recording in find_recordings(run[0]):
+        told = recording.metadata
+        config = convert(told["config"], RuntimeConfig)
+        assert config.name == recording.vessel
+        assert config.sensor == "vrx16"
+        assert config.recording.about == {"scenario": "passage", "seed": "0"}
+        assert told["policy_sha256"] == hashlib.sha256(policy).hexdigest()
+        for package in ("twinscrew", "numpy", "scipy", "onnxruntime", "eclipse-zenoh"):
+            assert told["software"][package] == version(package)
+        assert told["platform"]["python"] == platform.python_version()
+        assert told["platform"]["architecture"] == platform.machine()
 
 
 def test_replaying_twice_is_replaying_once(run: tuple[Path, str]) -> None:
