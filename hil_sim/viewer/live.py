@@ -73,6 +73,11 @@ class LiveSource:
         """See `Source`."""
         return {vessel.name: vessel.trail.places for vessel in self._vessels}
 
+    @property
+    def revision(self) -> int:
+        """See `Source`: who came late learns of the way before."""
+        return sum(vessel.trail.is_preceded for vessel in self._vessels)
+
     def close(self) -> None:
         """See `Source`."""
         self._bus.close()

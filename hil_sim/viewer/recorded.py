@@ -93,6 +93,11 @@ class RecordedSource:
         """See `Source`."""
         return self._trails
 
+    @property
+    def revision(self) -> int:
+        """See `Source`; what is recorded does not change."""
+        return 0
+
     def close(self) -> None:
         """See `Source`; nothing is open."""
 

@@ -63,7 +63,7 @@ class Server:
         await self._greet(page)
         self._pages.add(page)
         player = Player(self._source)
-        sender = asyncio.create_task(_send(page, player))
+        sender = asyncio.create_task(self._send(page, player))
         try:
             async for message in page:
                 wish = decode_request(message.data) if message.type is WSMsgType.TEXT else None
@@ -83,6 +83,19 @@ class Server:
     async def _greet(self, page: web.WebSocketResponse) -> None:
         await page.send_str(encode_greeting(greeting(self._source)))
 
+    async def _send(self, page: web.WebSocketResponse, player: Player) -> None:
+        clock = asyncio.get_running_loop().time
+        told = self._source.revision
+        while not page.closed:
+            begin_s = clock()
+            if told != self._source.revision:
+                told = self._source.revision
+                await self._greet(page)
+            frame = player.frame(begin_s)
+            if frame is not None:
+                await page.send_bytes(frame)
+            await asyncio.sleep(max(0.0, begin_s + PERIOD_S - clock()))
+
     async def _say_goodbye(self, _: web.Application) -> None:
         for page in tuple(self._pages):
             await page.close(code=WSCloseCode.GOING_AWAY)
@@ -96,16 +109,6 @@ class Server:
         task.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await task
-
-
-async def _send(page: web.WebSocketResponse, player: Player) -> None:
-    clock = asyncio.get_running_loop().time
-    while not page.closed:
-        begin_s = clock()
-        frame = player.frame(begin_s)
-        if frame is not None:
-            await page.send_bytes(frame)
-        await asyncio.sleep(max(0.0, begin_s + PERIOD_S - clock()))
 
 
 async def _follow(source: LiveSource) -> None:

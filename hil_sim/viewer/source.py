@@ -40,5 +40,9 @@ class Source(Protocol):
     def trails(self) -> Mapping[str, Places]:
         """Give where the vessels have been (a recording: all of it)."""
 
+    @property
+    def revision(self) -> int:
+        """[-] Grows when trails change other than by getting longer: pages are told them anew."""
+
     def close(self) -> None:
         """Let go of what is open."""

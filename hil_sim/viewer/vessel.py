@@ -30,6 +30,7 @@ SHOWN: Final = (
     "thrust_left",
     "thrust_right",
     "diagnostics",
+    "path",
 )
 """The topics that are looked at: decisions hold objects and tracks, bit for bit."""
 FRESH_S = 1.0
@@ -100,6 +101,8 @@ class Vessel:
                 self._goal = cdr.decode_goal(payload).position_N
             case "thrust_left" | "thrust_right":
                 self._thrust_N[int(topic == "thrust_right")] = cdr.decode_thrust(payload)
+            case "path":
+                self.trail.precede(cdr.decode_path(payload)[1])
             case "diagnostics":
                 self._hear(payload, time_s)
 
@@ -130,10 +133,7 @@ class Vessel:
                 self._state = event.detail
                 continue
             if event.name == STATE.name:
-                state = event.detail.rpartition(" ")[2]
-                if state == self._state:  # said again for those who come late
-                    continue
-                self._state = state
+                self._state = event.detail.rpartition(" ")[2]
             severity = event.severity.value
             self._events.append(EventView(round(time_s, 2), event.name, severity, event.detail))
 

@@ -134,6 +134,19 @@ def style_colour(page, name):
     return tuple(bytes.fromhex(digits.removeprefix("#")))
 
 
+def drawn_on(page, selector):
+    """Count the pixels of a canvas that are not empty."""
+    return page.evaluate(
+        """(selector) => {
+            const canvas = document.querySelector(selector);
+            const { width, height } = canvas;
+            const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
+            return data.filter((value, i) => i % 4 === 3 && value > 0).length;
+        }""",
+        selector,
+    )
+
+
 MIDDLE = (0.44, 0.44, 0.56, 0.56)
 
 
@@ -289,6 +302,86 @@ def test_it_survives_a_restart_of_its_server(page, run):
         again.stop()
 
 
+def pause_at(page, viewer, seconds):
+    """Show one moment, with a vessel followed."""
+    visit(page, viewer)
+    page.keyboard.press("Space")
+    until(lambda: page.locator("#play").inner_text() == "Play")
+    page.locator("#slider").fill(str(seconds))
+    until(lambda: float(told(page, "time")) == seconds)
+    page.keyboard.press("1")
+
+
+def without(page, layer):
+    """Give how many pixels change when a layer is hidden."""
+    page.wait_for_timeout(200)
+    shown = colours(page)
+    page.locator(f"#layers input[name={layer}]").uncheck()
+    until(lambda: colours(page) != shown)
+    hidden = colours(page)
+    return sum(abs(shown.get(key, 0) - hidden.get(key, 0)) for key in {*shown, *hidden}) / 2
+
+
+@pytest.mark.parametrize("layer", ["points", "objects", "tracks", "zones", "trails", "goals"])
+def test_every_layer_draws_something_of_a_crossing(page, viewer, layer):
+    pause_at(page, viewer, 6.0)
+    assert without(page, layer) > 20
+
+
+def test_a_longer_way_leaves_a_longer_trail(page, viewer):
+    pause_at(page, viewer, 2.0)
+    short = without(page, "trails")
+    page.locator("#layers input[name=trails]").check()
+    page.locator("#slider").fill("7")
+    until(lambda: float(told(page, "time")) == 7.0)
+    assert without(page, "trails") > short
+
+
+def test_bars_show_what_each_propeller_was_told(page, viewer):
+    pause_at(page, viewer, 6.0)
+    card = page.locator(".card").first
+    newtons = [int(words.split()[0]) for words in card.locator(".newtons").all_inner_texts()]
+    assert any(newtons)
+    whole = card.locator(".bar").first.bounding_box()["width"]
+    for side, told_n in enumerate(newtons):
+        bar = card.locator(".bar i").nth(side).bounding_box()
+        assert bar["width"] / whole == pytest.approx(abs(told_n) / 1500.0, abs=0.03)
+
+
+def test_cards_tell_the_state_and_its_changes(page, viewer):
+    pause_at(page, viewer, 6.0)
+    assert page.locator(".card .state").all_inner_texts() == ["active", "active"]
+    page.locator("#slider").fill("0")
+    until(lambda: float(told(page, "time")) == 0.0)
+    assert page.locator(".state[data-state=active]").count() == 0
+
+
+def test_the_sparkline_is_drawn_to_the_scale_of_its_largest_value(page, viewer):
+    visit(page, viewer)
+    rows = page.evaluate(
+        """async () => {
+            const { drawSparkline } = await import("/sparkline.js");
+            const canvas = document.querySelector(".spark");
+            const rows = (values) => {
+                drawSparkline(canvas, values, "#000000");
+                const { width, height } = canvas;
+                const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
+                const drawn = [];
+                for (let i = 3; i < data.length; i += 4) {
+                    if (data[i] > 100) drawn.push(Math.floor(i / 4 / width) / height);
+                }
+                return [Math.min(...drawn), Math.max(...drawn)];
+            };
+            return [rows([2, 2, 2]), rows([0, 4, 0]), rows([0.1, 0.1])];
+        }"""
+    )
+    level, peak, low = rows
+    assert level[1] < 0.3
+    assert peak[0] < 0.2
+    assert peak[1] > 0.7
+    assert low[0] > 0.6, "less than a millisecond is not blown up"
+
+
 @pytest.mark.slow
 def test_a_run_in_real_time_is_seen_as_it_sails(page, tmp_path):
     command = [sys.executable, "-m", "twinscrew.runtime.app", "sitl", "--scenario", "crossing"]
@@ -304,6 +397,14 @@ def test_a_run_in_real_time_is_seen_as_it_sails(page, tmp_path):
             page.keyboard.press("1")
             until(lambda: colours(page, *MIDDLE).get(style_colour(page, "v0"), 0) > 20)
             until(lambda: "ms" in page.locator(".card .ms").first.inner_text())
+            until(lambda: drawn_on(page, ".spark") > 20)
+            page.keyboard.press("Space")  # others see on; the boats sail on
+            until(lambda: page.locator("#play").inner_text() == "Play")
+            stands = frames(page)
+            page.wait_for_timeout(400)
+            assert frames(page) == stands
+            page.keyboard.press("Space")
+            until(lambda: frames(page) > stands)
             until(lambda: told(page, "connection") == "lost")  # the run is over
             assert page.complaints == [] or all("WebSocket" in c for c in page.complaints)
         finally:

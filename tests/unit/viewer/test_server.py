@@ -137,6 +137,7 @@ class Live:
     """A recording's last moment, as if it were now."""
 
     mode, duration_s = "live", 0.0
+    revision = 0
 
     def __init__(self, source):
         self.names, self.scene, self._source = source.names, source.scene, source
@@ -162,6 +163,22 @@ def test_a_live_page_that_goes_on_is_told_the_trails_of_its_pause(source):
             assert set(json.loads(told)["trails"]) == {"wamv1", "wamv2"}
 
     with_client(Live(source), visit)
+
+
+def test_a_page_is_told_the_trails_again_when_the_way_before_becomes_known(source):
+    live = Live(source)
+
+    async def visit(client):
+        async with client.ws_connect("/frames") as page:
+            await page.receive_str()
+            assert isinstance((await page.receive()).data, bytes)
+            live.revision = 1
+            while not isinstance(told := (await page.receive()).data, str):
+                pass
+            assert set(json.loads(told)["trails"]) == {"wamv1", "wamv2"}
+            assert isinstance((await page.receive()).data, bytes), "told once, then it goes on"
+
+    with_client(live, visit)
 
 
 def test_a_page_that_does_not_read_gets_its_frames_made_no_faster_than_it_takes_them(source):

@@ -22,7 +22,7 @@ from twinscrew.runtime.messages.types import (
 )
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.colregs import Situation
-from twinscrew.runtime.safety.events import LIDAR_STALE, STATE
+from twinscrew.runtime.safety.events import LIDAR_STALE, STATE, STATE_NOW
 
 NORTH_EAST = np.array([10.0, 20.0])
 S = 1_000_000_000
@@ -173,6 +173,21 @@ def test_the_state_is_the_one_that_the_boat_told(vessel):
     shown = view(vessel)
     assert shown["state"] == "safe"
     assert shown["events"][1] == [1.0, "lidar_stale", "error", ""]
+
+
+def test_a_state_that_is_said_every_second_tells_a_late_viewer_and_fills_no_list(vessel):
+    for second in range(5):
+        vessel.take("diagnostics", events(STATE_NOW.at(S, "safe")), float(second))
+    shown = view(vessel)
+    assert shown["state"] == "safe"
+    assert shown["events"] == []
+
+
+def test_a_late_viewer_knows_the_way_before(vessel):
+    before_N = np.array([[4.0, 20.0], [6.0, 20.0], [8.0, 20.0], [10.0, 20.0]])
+    vessel.take("odometry", odometry(), 7.0)
+    vessel.take("path", cdr.encode_path(before_N, stamp_ns=S), 7.1)
+    assert [place[1] for place in vessel.trail.places] == [4.0, 6.0, 8.0, 10.0]
 
 
 def test_a_viewer_that_came_late_knows_that_a_boat_whose_policy_is_asked_is_active(vessel):
