@@ -134,6 +134,43 @@ class ShiftFinder:
         turn: float,
     ) -> Shift: ...
 
+class CentroidModel:
+    def __init__(
+        self,
+        *,
+        range: Sequence[float],
+        depth: Sequence[float],
+        small_depth: float,
+        buoy: float,
+        hull: float,
+        along: float,
+        across: float,
+        row_spread: float,
+        row: float,
+        sigma: float,
+        scatter: float,
+        jump: float,
+        edge: float,
+        edge_sigma: float,
+    ) -> None: ...
+    def measured(
+        self,
+        p: NDArray[np.float64],
+        radius: NDArray[np.float64],
+        points: NDArray[np.int64],
+        stand: tuple[float, float, float, float],
+    ) -> tuple[
+        NDArray[np.float64],
+        NDArray[np.float64],
+        NDArray[np.float64],
+        NDArray[np.float64],
+        NDArray[np.float64],
+        list[int],
+    ]: ...
+    def bias_variance(
+        self, distance: NDArray[np.float64], radius: NDArray[np.float64]
+    ) -> NDArray[np.float64]: ...
+
 def invert_blocks(matrix: NDArray[np.float64], size: int) -> NDArray[np.float64]: ...
 def innovations(
     x: NDArray[np.float64],

@@ -13,13 +13,13 @@ from numpy.random import Generator
 from twinscrew.hil_sim.bench.deskew import run_deskew
 from twinscrew.hil_sim.bench.numpy_segmentation import labels as numpy_segment
 from twinscrew.hil_sim.bench.numpy_segmentation import project as numpy_project
-from twinscrew.hil_sim.bench.perception_scenes import QUAY, RADII, Scene, harbour_scene, open_scene
-from twinscrew.hil_sim.bench.perception_score import Score, Truth, body_frame, score
+from twinscrew.hil_sim.bench.perception_picture import draw_all
+from twinscrew.hil_sim.bench.perception_scenes import Scene, harbour_scene, open_scene
+from twinscrew.hil_sim.bench.perception_score import Score, Truth, score
 from twinscrew.hil_sim.bench.scenes import basin
 from twinscrew.hil_sim.bench.timing import Stopwatch, garbage_at_rest
 from twinscrew.hil_sim.lidar import LidarSettings, Scan
 from twinscrew.runtime.messages.types import Objects
-from twinscrew.runtime.perception.picture import draw
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.perception.stage import Perception
 
@@ -42,7 +42,7 @@ def run(plot: Path | None = None, scenes: int = SCENES) -> dict[str, Any]:
     Parameters
     ----------
     plot
-        A folder for pictures of one scene of each kind.
+        A folder for pictures: open water, and a harbour.
     scenes
         [-] Scenes of each kind.
     """
@@ -53,9 +53,7 @@ def run(plot: Path | None = None, scenes: int = SCENES) -> dict[str, Any]:
     found["segmentation_vs_numpy"] = compare_with_numpy()
     found["deskew"] = run_deskew()
     if plot is not None:
-        plot.mkdir(parents=True, exist_ok=True)
-        for kind, make in KINDS.items():
-            draw_scene(make, plot / f"perception_{kind}.png")
+        draw_all(plot)
     return {"perception": found}
 
 
@@ -83,18 +81,6 @@ def compare_with_numpy(repetitions: int = REPETITIONS) -> dict[str, float]:
         "segment_ratio": round(ms["numpy segment"] / ms["segment"], 1),
         "ratio": round(plain / kernel, 1),
     }
-
-
-def draw_scene(make: Callable[[Generator], Scene], file: Path, seed: int = 4) -> None:
-    """Draw one scene with its truth."""
-    rng = np.random.default_rng(seed)
-    scene = make(rng)
-    perception = Perception(load_sensor("vrx32"))
-    scan, objects = _perceive(perception, scene, rng)
-    bodies = scene.bodies
-    afloat = np.flatnonzero((bodies.shape < QUAY) & (np.arange(len(bodies.shape)) > 0))
-    truth = [(*body_frame(scene, int(k)), RADII[int(bodies.shape[k])]) for k in afloat]
-    draw(perception, scan.cloud, objects, file, np.array(truth).reshape(-1, 3))
 
 
 def _scores(name: str, make: Callable[[Generator], Scene], scenes: int) -> list[Score]:

@@ -24,6 +24,7 @@ from twinscrew.runtime.messages.types import (
     Goal,
     Objects,
     Odometry,
+    PointCloud,
     Tracks,
 )
 from twinscrew.runtime.perception.sensor import load_sensor
@@ -32,6 +33,7 @@ from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.policy.observation import observe
 from twinscrew.runtime.tracking.tracker import Tracker
+from twinscrew.runtime.tracking.view import View
 
 EPISODES, VESSELS, BUOYS = 12, 5, 4
 SENSOR = "vrx32"
@@ -48,6 +50,7 @@ THRUST_N = (-500.0, 1000.0)
 class Look:
     """One scan of the observer, as objects, with the truth."""
 
+    cloud: PointCloud
     objects: Objects
     odometry: Odometry
     truth: Truth
@@ -80,7 +83,7 @@ def _score_episode(
     seed: int, kalman: VelocityScore, quotient: VelocityScore, times: list[float]
 ) -> dict[int, set[int]]:
     """Score one episode; give the identities that each thing had while in sight."""
-    tracker, two_scans = Tracker(), DifferenceQuotient()
+    tracker, two_scans = Tracker(view=View.of(load_sensor(SENSOR))), DifferenceQuotient()
     born: dict[int, int] = {}
     identities: dict[int, set[int]] = {}
     for look in looks(seed):
@@ -117,14 +120,15 @@ def _score_tracks(
             score.add_nees(truth, row, tracks.p_N[k], tracks.v_N[k], tracks.covariance[k])
 
 
-def looks(seed: int, sensor: str = SENSOR) -> Iterator[Look]:
+def looks(seed: int, sensor: str = SENSOR, perception: Perception | None = None) -> Iterator[Look]:
     """Give what vessel `OWN` sees while all vessels sail one episode.
 
     Odometry and truth are those of a scan's stamp: a sensor that turns began the scan then.
+    `perception` is what sees it, if the caller wants to look into it.
     """
     scenario = load_scenario("random", VESSELS, BUOYS, seed)
     world = make_world(scenario, sensor=sensor, seed=seed)
-    perception = Perception(load_sensor(sensor))
+    perception = perception or Perception(load_sensor(sensor))
     policies = [load_policy("ac_iqn") for _ in range(VESSELS)]
     thrust = np.zeros((VESSELS, 2))
     past: dict[int, tuple[Odometry, Truth, bool]] = {}
@@ -139,7 +143,7 @@ def looks(seed: int, sensor: str = SENSOR) -> Iterator[Look]:
         if cloud.stamp_ns in past:
             odometry, truth, overlap = past[cloud.stamp_ns]
             objects = perception.step(cloud, odometry.q_NB, odometry.rates_B, odometry.velocity_B)
-            yield Look(objects, odometry, truth, overlap)
+            yield Look(cloud, objects, odometry, truth, overlap)
         if scan % scans_a_decision == 0:
             thrust = np.array([_decide(world, v, policies[v], thrust[v]) for v in range(VESSELS)])
         world.advance(SCAN_S, thrust)

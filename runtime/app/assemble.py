@@ -21,6 +21,7 @@ from twinscrew.runtime.policy.metadata import PolicyExpectation
 from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.guard import Guard
 from twinscrew.runtime.tracking.tracker import Tracker
+from twinscrew.runtime.tracking.view import View
 
 
 def make_core(config: RuntimeConfig) -> Core:
@@ -31,9 +32,10 @@ def make_core(config: RuntimeConfig) -> Core:
     ConfigError, PolicyError
         Something configured does not exist or cannot be used: before anything moves.
     """
+    sensor = sensor_of(config)
     pipeline = Pipeline(
-        perception=Perception(sensor_of(config), config.perception),
-        tracker=Tracker(config.tracking),
+        perception=Perception(sensor, config.perception),
+        tracker=Tracker(config.tracking, View.of(sensor)),
         policy=load_policy(config.policy, expected_of_policies(config), config.risk),
         mission=Mission(config.mission),
         guard=Guard(config.thrust),

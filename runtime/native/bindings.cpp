@@ -9,8 +9,10 @@
 #include <memory>
 #include <optional>
 #include <stdexcept>
+#include <type_traits>
 
 #include "assurance.hpp"
+#include "centroids.hpp"
 #include "gather.hpp"
 #include "kernel.hpp"
 #include "shift.hpp"
@@ -207,7 +209,85 @@ nb::ndarray<nb::numpy, double> innovations(States x, Spreads P, Rows2 z, Looks H
   });
 }
 
+using Numbers = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+// One column of what was measured, an array of its own.
+template <class Pick>
+nb::ndarray<nb::numpy, double> column_of(const std::vector<twinscrew::CentroidRow>& rows,
+                                         std::initializer_list<std::size_t> shape, Pick pick) {
+  return make_array<double>(shape, [&](double* out) {
+    for (const twinscrew::CentroidRow& row : rows) {
+      const auto& part = row.*pick;
+      if constexpr (std::is_same_v<std::decay_t<decltype(part)>, double>) {
+        *out++ = part;
+      } else {
+        out = std::copy(part.begin(), part.end(), out);
+      }
+    }
+  });
+}
+
+// z, H, R, radius, gate of the objects that are finite, and which these are.
+nb::tuple measured(const twinscrew::CentroidModel& model, Rows2 p, Column radius, Numbers points,
+                   const std::array<double, 4>& stand) {
+  const std::size_t size = p.shape(0);
+  if (radius.size() != size || points.size() != size) {
+    throw std::invalid_argument("CentroidModel: place, radius and points of each object");
+  }
+  const twinscrew::Stand own{stand[0], stand[1], stand[2], stand[3]};
+  std::vector<twinscrew::CentroidRow> rows;
+  nb::list kept;
+  rows.reserve(size);
+  for (std::size_t k = 0; k < size && own.finite(); ++k) {
+    const double x = p.data()[2 * k], y = p.data()[2 * k + 1], r = radius.data()[k];
+    if (!std::isfinite(x) || !std::isfinite(y) || !std::isfinite(r)) continue;
+    rows.push_back(model.row(x, y, r, points.data()[k], own));
+    kept.append(k);
+  }
+  using twinscrew::CentroidRow;
+  const std::size_t n = rows.size();
+  return nb::make_tuple(column_of(rows, {n, 2}, &CentroidRow::z),
+                        column_of(rows, {n, 2, 6}, &CentroidRow::H),
+                        column_of(rows, {n, 2, 2}, &CentroidRow::R),
+                        column_of(rows, {n}, &CentroidRow::radius),
+                        column_of(rows, {n}, &CentroidRow::gate), kept);
+}
+
+// (K, 2) how far centroids of things at distances [m] may be off.
+nb::ndarray<nb::numpy, double> bias_variance(const twinscrew::CentroidModel& model, Column distance,
+                                             Column radius) {
+  const std::size_t size = distance.size();
+  if (radius.size() != size) {
+    throw std::invalid_argument("CentroidModel: distance and radius of each thing");
+  }
+  return make_array<double>({size, 2}, [&](double* out) {
+    for (std::size_t k = 0; k < size; ++k) {
+      const auto both = model.variance(distance.data()[k], radius.data()[k]);
+      out = std::copy(both.begin(), both.end(), out);
+    }
+  });
+}
+
 void bind_tracking(nb::module_& m) {
+  nb::class_<twinscrew::CentroidModel>(m, "CentroidModel", "What visible centroids say.")
+      .def(
+          "__init__",
+          [](twinscrew::CentroidModel* self, const std::vector<double>& range,
+             const std::vector<double>& depth, double small_depth, double buoy, double hull,
+             double along, double across, double row_spread, double row, double sigma,
+             double scatter, double jump, double edge, double edge_sigma) {
+            if (range.empty() || range.size() != depth.size() || !(buoy < hull)) {
+              throw std::invalid_argument("CentroidModel: a depth for each range, and radii that rise");
+            }
+            new (self) twinscrew::CentroidModel({range, depth, small_depth, buoy, hull, along,
+                                                 across, row_spread, row, sigma, scatter, jump,
+                                                 edge, edge_sigma});
+          },
+          nb::kw_only(), "range"_a, "depth"_a, "small_depth"_a, "buoy"_a, "hull"_a, "along"_a,
+          "across"_a, "row_spread"_a, "row"_a, "sigma"_a, "scatter"_a, "jump"_a, "edge"_a,
+          "edge_sigma"_a)
+      .def("measured", &measured, "p"_a, "radius"_a, "points"_a, "stand"_a)
+      .def("bias_variance", &bias_variance, "distance"_a, "radius"_a);
   m.def("invert_blocks", &invert_blocks, "matrix"_a, "size"_a,
         "Invert a block diagonal matrix of symmetric positive definite blocks.");
   m.def("innovations", &innovations, "x"_a, "P"_a, "z"_a, "H"_a, "R"_a, "gate"_a,

@@ -1,4 +1,4 @@
-"""A picture of a scan: the range image, its objects, and both from above."""
+"""A picture of a scan: the range image, its objects, and both from above, with tracks and truth."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 COLOURS = 20
 """[-] Colours of the map tab20, used in turn."""
+ARROW_S = 2.0
+"""[s] Arrows show where things get in this time."""
 
 
 def draw(
@@ -24,13 +26,15 @@ def draw(
     objects: Objects,
     file: Path,
     truth: Float64 | None = None,
+    tracks: Float64 | None = None,
 ) -> None:
     """Draw the scan just perceived.
 
     Parameters
     ----------
-    truth : (T, 3) float64
-        True forward, starboard and radius [m], drawn dashed in the view from above.
+    truth, tracks : (T, 5) float64
+        Forward, starboard [m], velocity forward, starboard [m/s] and radius [m] of what there is
+        and of what is tracked, drawn in the view from above.
 
     Raises
     ------
@@ -45,7 +49,8 @@ def draw(
     axes = figure.subplots(3, 1, height_ratios=[1, 1, 5])
     _draw_image(axes[0], perception.range_image(), "range [m]", perception)
     _draw_image(axes[1], perception.object_image(), "objects", perception)
-    _draw_above(axes[2], perception, cloud, objects, truth)
+    _draw_points(axes[2], perception, cloud)
+    _draw_circles(axes[2], perception, objects, truth, tracks)
     try:
         figure.savefig(file, dpi=120)
     except (OSError, ValueError) as error:
@@ -76,15 +81,7 @@ def _coloured(numbers: Any) -> Any:
     return np.ma.masked_where(numbers < 0, numbers % COLOURS)
 
 
-def _draw_above(
-    axes: Axes,
-    perception: Perception,
-    cloud: PointCloud,
-    objects: Objects,
-    truth: Float64 | None,
-) -> None:
-    from matplotlib.patches import Circle
-
+def _draw_points(axes: Axes, perception: Perception, cloud: PointCloud) -> None:
     number, used = perception.object_image(), perception.point_image() >= 0
     points_S = cloud.points_S[perception.point_image()[used]]
     p_B = points_S @ perception.sensor.R_BS.T + perception.sensor.mount_position_B
@@ -94,12 +91,34 @@ def _draw_above(
     axes.scatter(
         p_B[~free, 1], p_B[~free, 0], s=1, c=colour[~free], cmap="tab20", vmin=0, vmax=COLOURS - 1
     )
-    for (x, y), radius in zip(objects.p_B, objects.radius, strict=True):
-        axes.add_patch(Circle((y, x), radius, fill=False, color="black", linewidth=0.8))
-    for x, y, radius in truth if truth is not None else ():
-        axes.add_patch(Circle((y, x), radius, fill=False, color="red", linestyle="--"))
     axes.plot(0, 0, "k^")
+
+
+def _draw_circles(
+    axes: Axes,
+    perception: Perception,
+    objects: Objects,
+    truth: Float64 | None,
+    tracks: Float64 | None,
+) -> None:
+    """Draw objects, tracks and truth; those that move have an arrow."""
+    still = np.zeros((len(objects.p_B), 2))
+    seen = np.column_stack([objects.p_B, still, objects.radius])
+    _draw_moving(axes, seen, "objects", "black", "-")
+    if tracks is not None:
+        _draw_moving(axes, tracks, "tracks", "tab:blue", "-")
+    if truth is not None:
+        _draw_moving(axes, truth, "truth", "red", "--")
     reach = perception.settings.max_range_m
-    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
-    words = "from above: found" + ("" if truth is None else ", and the truth (dashed)")
-    axes.set(title=words, xlabel="starboard [m]", ylabel="forward [m]")
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", title="from above")
+    axes.set(xlabel="starboard [m]", ylabel="forward [m]")
+    axes.legend(loc="upper right")
+
+
+def _draw_moving(axes: Axes, rows: Float64, name: str, colour: str, style: str) -> None:
+    from matplotlib.patches import Circle
+
+    for x, y, v_x, v_y, radius in rows:
+        axes.add_patch(Circle((y, x), radius, fill=False, color=colour, linestyle=style))
+        axes.plot([y, y + ARROW_S * v_y], [x, x + ARROW_S * v_x], color=colour, linestyle=style)
+    axes.plot([], [], color=colour, linestyle=style, label=name)

@@ -13,12 +13,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from twinscrew.runtime import _native
 from twinscrew.runtime.geometry.frames import rotation_2d
 from twinscrew.runtime.messages.types import Float64, Objects, Odometry
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
 from twinscrew.runtime.tracking.displacement import Sight
+from twinscrew.runtime.tracking.view import View
 
 NO_STRIPS = np.empty((0, 4))
 
@@ -30,6 +31,9 @@ class MeasurementSettings(Settings, frozen=True, kw_only=True):
     """[m] Distances of a hull's centroid, at which"""
     depth_m: tuple[float, ...] = (0.02, 0.48, 0.45, 1.0)
     """[m] its centre is expected this far behind; linear in between, constant outside."""
+    near_m: NonNegative = 10.0
+    """[m] Up to here the distances are those at which the lowest beam passes over the near side:
+    with another sensor they are where its lowest beam does."""
     small_depth_m: NonNegative = 0.32
     """[m] The same for a buoy, at any distance."""
     buoy_hull_m: tuple[Positive, Positive] = (0.7, 1.5)
@@ -38,6 +42,9 @@ class MeasurementSettings(Settings, frozen=True, kw_only=True):
     """[-] Standard deviation of that distance over aspects, as a share of the radius."""
     bias_across: NonNegative = 0.06
     """[-] Standard deviation of the centroid's offset across the line of sight, likewise."""
+    row_spread_per_m: NonNegative = 0.75
+    """[1/m] By how much more a hull's may be off where rows are far apart: times their gap squared.
+    The wider the gap, the more often a part is missed, and the larger is what is."""
     bias_time_s: Positive = 1.0
     """[s] Time constant with which both wander."""
     sigma_m: Positive = 0.01
@@ -82,43 +89,75 @@ class Measurements:
     """(K,) Their strips."""
 
 
-def measure(objects: Objects, odometry: Odometry, settings: MeasurementSettings) -> Measurements:
-    """Turn the objects of a scan into measurements in frame N; what is not finite is left out.
+class Centroids:
+    """Turns objects into measurements; the work is in ``runtime/native/centroids.hpp``."""
 
-    Parameters
-    ----------
-    objects
-        As perception found them.
-    odometry
-        The vessel's state at the scan's stamp.
-    settings
-        How the centroid relates to the centre.
-    """
-    R_NB = rotation_2d(odometry.heading)
-    finite = np.isfinite(objects.p_B).all(axis=1) & np.isfinite(objects.radius)
-    finite &= bool(np.isfinite(odometry.position_N[:2]).all() and np.isfinite(R_NB[0, 0]))
-    p_B, radius, points = objects.p_B[finite], objects.radius[finite], objects.points[finite]
-    p_BN = p_B @ R_NB.T
-    distance = np.hypot(p_BN[:, 0], p_BN[:, 1])
-    along = p_BN / np.maximum(distance, 1e-9)[:, None]
-    z_N = odometry.position_N[:2] + p_BN + along * depth(distance, radius, settings)[:, None]
-    variance = (
-        settings.sigma_m**2
-        + (settings.scatter * radius) ** 2 / np.maximum(points, 1)
-        + (settings.edge_sigma * radius * (distance > settings.edge_m)) ** 2
-    )
-    R = variance[:, None, None] * np.eye(2)
-    return Measurements(
-        z_N=z_N,
-        H=observation_matrix(along),
-        R=R,
-        radius=radius,
-        gate=(settings.jump * radius) ** 2,
-        sights=_sights(objects, odometry.position_N[:2], R_NB, np.flatnonzero(finite)),
-    )
+    def __init__(self, settings: MeasurementSettings, view: View) -> None:
+        """Prepare the model for a sensor's view."""
+        buoy, hull = settings.buoy_hull_m
+        self._model = _native.CentroidModel(
+            range=_distances(settings, view),
+            depth=settings.depth_m,
+            small_depth=settings.small_depth_m,
+            buoy=buoy,
+            hull=hull,
+            along=settings.bias_along,
+            across=settings.bias_across,
+            row_spread=settings.row_spread_per_m,
+            row=view.row_rad,
+            sigma=settings.sigma_m,
+            scatter=settings.scatter,
+            jump=settings.jump,
+            edge=settings.edge_m,
+            edge_sigma=settings.edge_sigma,
+        )
+
+    def measure(self, objects: Objects, odometry: Odometry) -> Measurements:
+        """Give the objects of a scan in frame N; what is not finite is left out.
+
+        Parameters
+        ----------
+        objects
+            As perception found them.
+        odometry
+            The vessel's state at the scan's stamp.
+        """
+        R_NB, own = rotation_2d(odometry.heading), odometry.position_N[:2]
+        (cosine, _), (sine, _) = R_NB.tolist()
+        north, east = own.tolist()
+        z_N, H, R, radius, gate, kept = self._model.measured(
+            objects.p_B, objects.radius, objects.points, (north, east, cosine, sine)
+        )
+        return Measurements(z_N, H, R, radius, gate, _sights(objects, own, R_NB, kept))
+
+    def bias_variance(self, p_N: Float64, radius: Float64, odometry: Odometry) -> Float64:
+        """Give how far centroids may be off what is expected of them, along and across.
+
+        Parameters
+        ----------
+        p_N : (K, 2) float64
+            Where things are [m].
+        radius : (K,) float64
+            Their radii [m].
+        odometry
+            From where they are seen.
+
+        Returns
+        -------
+        variance : (K, 2) float64
+            Along and across the line of sight [m2].
+        """
+        away = np.nan_to_num(p_N - odometry.position_N[:2])
+        return self._model.bias_variance(np.hypot(away[:, 0], away[:, 1]), radius)
 
 
-def _sights(objects: Objects, p_N: Float64, R_NB: Float64, kept: NDArray[np.intp]) -> list[Sight]:
+def _distances(settings: MeasurementSettings, view: View) -> list[float]:
+    """Give the distances of the table for a sensor; they never fall."""
+    scaled = [r * view.near_scale if r <= settings.near_m else r for r in settings.range_m]
+    return [min(scaled[k:]) for k in range(len(scaled))]
+
+
+def _sights(objects: Objects, p_N: Float64, R_NB: Float64, kept: list[int]) -> list[Sight]:
     """Give the strips of the objects that are kept, in N."""
     strips = objects.strips
     if strips is None:
@@ -126,37 +165,4 @@ def _sights(objects: Objects, p_N: Float64, R_NB: Float64, kept: NDArray[np.intp
     rows_N = strips.rows_B.copy()
     rows_N[:, :2] = strips.rows_B[:, :2] @ R_NB.T + p_N
     begin = strips.begin.tolist()
-    return [Sight(objects.stamp_ns, rows_N[begin[k] : begin[k + 1]]) for k in kept.tolist()]
-
-
-def depth(distance: Float64, radius: Float64, settings: MeasurementSettings) -> Float64:
-    """Give how far centres are expected behind visible centroids, (K,) [m].
-
-    Parameters
-    ----------
-    distance : (K,) float64
-        From the vessel to the centroids [m].
-    radius : (K,) float64
-        As seen [m].
-    settings
-        The table.
-    """
-    hull = np.interp(distance, settings.range_m, settings.depth_m)
-    share = np.interp(radius, settings.buoy_hull_m, (0.0, 1.0))
-    expected: Float64 = settings.small_depth_m + share * (hull - settings.small_depth_m)
-    return expected
-
-
-def observation_matrix(along: Float64) -> Float64:
-    """Give H, (K, 2, 6): a centroid is the centre less the bias, turned by the line of sight.
-
-    Parameters
-    ----------
-    along : (K, 2) float64
-        Unit vectors [N] from the sensor to the objects.
-    """
-    H = np.zeros((len(along), 2, 6))
-    H[:, 0, 0] = H[:, 1, 1] = 1.0
-    H[:, :, 4] = -along
-    H[:, 0, 5], H[:, 1, 5] = along[:, 1], -along[:, 0]
-    return H
+    return [Sight(objects.stamp_ns, rows_N[begin[k] : begin[k + 1]]) for k in kept]

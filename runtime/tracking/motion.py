@@ -46,8 +46,8 @@ def motion_noise(dt: float, acceleration_psd: float) -> Float64:
     return Q
 
 
-def bias_noise(dt: float, bias_time_s: float, along: float, across: float) -> Float64:
-    """Give the part of Q, (6, 6), that keeps the bias's stationary variances.
+def bias_noise(dt: float, bias_time_s: float, variance: Float64) -> Float64:
+    """Give the part of Q, (K, 6, 6), that keeps the biases' stationary variances.
 
     Parameters
     ----------
@@ -55,10 +55,10 @@ def bias_noise(dt: float, bias_time_s: float, along: float, across: float) -> Fl
         Time step [s].
     bias_time_s : float
         Time constant [s].
-    along, across : float
+    variance : (K, 2) float64
         Stationary variances [m2], along and across the line of sight.
     """
-    Q = np.zeros((STATES, STATES))
+    Q = np.zeros((len(variance), STATES, STATES))
     forgotten = 1.0 - math.exp(-2.0 * dt / bias_time_s)
-    Q[4, 4], Q[5, 5] = along * forgotten, across * forgotten
+    Q[:, 4, 4], Q[:, 5, 5] = forgotten * variance.T
     return Q

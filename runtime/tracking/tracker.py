@@ -33,10 +33,11 @@ from twinscrew.runtime.tracking.displacement import (
 )
 from twinscrew.runtime.tracking.fragments import join_fragments
 from twinscrew.runtime.tracking.life import LifeSettings, is_absorbed, is_born, lives
-from twinscrew.runtime.tracking.measurement import Measurements, MeasurementSettings, measure
+from twinscrew.runtime.tracking.measurement import Centroids, Measurements, MeasurementSettings
 from twinscrew.runtime.tracking.motion import STATES, bias_noise, motion_noise, transition
 from twinscrew.runtime.tracking.radius import RadiusSettings, smoothed_radius
 from twinscrew.runtime.tracking.track import Track
+from twinscrew.runtime.tracking.view import View
 
 
 class TrackerSettings(Settings, frozen=True, kw_only=True):
@@ -67,10 +68,12 @@ class TrackerSettings(Settings, frozen=True, kw_only=True):
 class Tracker:
     """Follows every object around the vessel."""
 
-    def __init__(self, settings: TrackerSettings | None = None) -> None:
+    def __init__(self, settings: TrackerSettings | None = None, view: View | None = None) -> None:
+        """Begin with nothing known; `view` is how the sensor looks at what is around."""
         self.settings = settings or TrackerSettings()
         self._displacement = Displacement(self.settings.displacement)
         self._bank = FilterBank()
+        self._centroids = Centroids(self.settings.measurement, view or View())
         self._next_id = 0
         self.reset()
 
@@ -101,9 +104,9 @@ class Tracker:
         dt = self._elapsed(objects.stamp_ns)
         if dt == 0.0 and self._reported is not None:
             return self._reported
-        self._predict(dt)
+        self._predict(dt, odometry)
         whole = self._joined(objects, odometry)
-        self._update(measure(whole, odometry, self.settings.measurement))
+        self._update(self._centroids.measure(whole, odometry), odometry)
         self._drop()
         self._reported = self._report(objects.stamp_ns)
         return self._reported
@@ -119,17 +122,15 @@ class Tracker:
         self._stamp_ns = stamp_ns
         return 0.0 if jumped else dt
 
-    def _predict(self, dt: float) -> None:
+    def _predict(self, dt: float, odometry: Odometry) -> None:
         if not self._tracks:
             return
-        bias = self.settings.measurement
-        Q_motion = motion_noise(dt, 1.0)
-        Q_unit = bias_noise(dt, bias.bias_time_s, bias.bias_along**2, bias.bias_across**2)
+        time_s = self.settings.measurement.bias_time_s
         x, P = self._states()
         radius = _floats([track.radius for track in self._tracks])
-        Q = self._acceleration_psd(x)[:, None, None] * Q_motion
-        Q += (radius**2)[:, None, None] * Q_unit
-        x, P = self._bank.predict(x, P, transition(dt, bias.bias_time_s), Q)
+        Q = self._acceleration_psd(x)[:, None, None] * motion_noise(dt, 1.0)
+        Q += bias_noise(dt, time_s, self._centroids.bias_variance(x[:, :2], radius, odometry))
+        x, P = self._bank.predict(x, P, transition(dt, time_s), Q)
         for k, track in enumerate(self._tracks):
             track.moved_on(dt, x[k], P[k])
 
@@ -157,13 +158,17 @@ class Tracker:
         circle = self.settings.life.join_share * _floats([track.radius for track in known])
         return join_fragments(objects, p_B, circle)
 
-    def _update(self, measured: Measurements) -> None:
+    def _update(self, measured: Measurements, odometry: Odometry) -> None:
         x, P = self._states()
         found = associate(x, P, measured, self.settings.gate_sigma)
         if found.pairs:
             self._correct(x, P, measured, found)
-        for j in found.new:
-            self._tracks.append(self._born(measured, j))
+        if found.new:
+            z_N, radius = measured.z_N[found.new], measured.radius[found.new]
+            for j, bias in zip(
+                found.new, self._centroids.bias_variance(z_N, radius, odometry), strict=True
+            ):
+                self._tracks.append(self._born(measured, j, bias))
 
     def _correct(self, x: Float64, P: Float64, measured: Measurements, found: Association) -> None:
         """Let each track that was seen take in what was measured of it."""
@@ -194,13 +199,11 @@ class Tracker:
             return None
         return self._displacement.measure(track.sight, sight, (v_north, v_east), (north, east))
 
-    def _born(self, measured: Measurements, j: int) -> Track:
-        settings = self.settings
-        radius = float(measured.radius[j])
-        along, across = settings.measurement.bias_along, settings.measurement.bias_across
-        sigma = np.array([0, 0, *2 * [settings.first_speed_mps], along * radius, across * radius])
+    def _born(self, measured: Measurements, j: int, bias: Float64) -> Track:
+        speed = self.settings.first_speed_mps**2
+        prior = np.array([0.0, 0.0, speed, speed, *bias])
         z_N, H, R, sight = measured.z_N[j], measured.H[j], measured.R[j], measured.sights[j]
-        track = Track(z_N, H, R, radius, sigma**2, sight)
+        track = Track(z_N, H, R, float(measured.radius[j]), prior, sight)
         self._confirm(track)
         return track
 

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.reference.measurement import depth
 
 from twinscrew.runtime.geometry.frames import rotation_2d
 from twinscrew.runtime.messages.types import Objects
-from twinscrew.runtime.tracking.measurement import MeasurementSettings, depth
+from twinscrew.runtime.tracking.measurement import MeasurementSettings
 from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
+from twinscrew.runtime.tracking.view import View
 
 _path = Path(__file__).parents[1] / "unit" / "tracking" / "scene.py"
 _spec = importlib.util.spec_from_file_location("scene", _path)
@@ -90,7 +92,7 @@ def test_the_tracker_knows_its_errors_where_its_model_is_true():
     Chi-squared with 4 x 150 degrees of freedom over 150 has its 95 % band at 4 +- 0.46. The gate,
     the fragments and the jumps are opened so far that they do not act: they are not in the model.
     """
-    bias = MeasurementSettings(jump_sigma=1e6, jump=50.0)
+    bias = MeasurementSettings(jump_sigma=1e6, jump=50.0, row_spread_per_m=0.0)
     tracker_settings = TrackerSettings(measurement=bias, rest_psd=1.0, acceleration_psd=1.0)
     errors = [_error_squared(np.random.default_rng(seed), tracker_settings) for seed in range(150)]
     assert 4 - 0.46 < np.mean(errors) < 4 + 0.46
@@ -114,7 +116,7 @@ def _error_squared(rng, tracker_settings):
         here = scene.odometry(k * scene.SCAN, *(p - [12.0, 0.0]))  # so that it stays in sight
         along = (p - here.position_N[:2]) / 12.0
         across = np.array([-along[1], along[0]])
-        expected = depth(np.array([11.5]), np.array([radius]), model)[0]
+        expected = depth(np.array([11.5]), np.array([radius]), model, View())[0]
         centroid = p - (expected + bias[0]) * along - bias[1] * across
         centroid = centroid + white * rng.standard_normal(2)
         answer = tracker.step(scene.objects([centroid], here, radius, points), here)

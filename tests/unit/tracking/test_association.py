@@ -4,11 +4,12 @@ import itertools
 
 import numpy as np
 import pytest
+from tests.reference.measurement import observation_matrix
 
 from twinscrew.runtime._native import innovations
 from twinscrew.runtime.tracking.association import associate
 from twinscrew.runtime.tracking.displacement import Sight
-from twinscrew.runtime.tracking.measurement import NO_STRIPS, Measurements, observation_matrix
+from twinscrew.runtime.tracking.measurement import NO_STRIPS, Measurements
 
 
 def tracks(*p_N, variance=0.1):

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from tests.reference.measurement import observation_matrix
 
 from twinscrew.runtime.tracking.bank import FilterBank
 from twinscrew.runtime.tracking.correction import charge_jumps, corrected, doubted
 from twinscrew.runtime.tracking.displacement import MeasuredVelocity
-from twinscrew.runtime.tracking.measurement import observation_matrix
 from twinscrew.runtime.tracking.track import first_covariance
 
 H = observation_matrix(np.array([[0.6, 0.8]]))

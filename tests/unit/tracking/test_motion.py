@@ -7,9 +7,12 @@ import pytest
 
 from twinscrew.runtime.tracking.motion import bias_noise, motion_noise, transition
 
+BIAS = np.array([[0.04, 0.09]])
+"""[m2] Along and across."""
+
 
 def noise(dt):
-    return motion_noise(dt, 0.7) + bias_noise(dt, 2.0, 0.04, 0.09)
+    return motion_noise(dt, 0.7) + bias_noise(dt, 2.0, BIAS)[0]
 
 
 def test_a_velocity_moves_the_position_and_nothing_else():
@@ -31,7 +34,7 @@ def test_two_short_steps_are_one_long_step():
 
 def test_the_bias_keeps_its_variance():
     F, P = transition(0.4, 2.0), np.diag([0, 0, 0, 0, 0.04, 0.09])
-    assert (F @ P @ F.T + bias_noise(0.4, 2.0, 0.04, 0.09))[4:, 4:] == pytest.approx(P[4:, 4:])
+    assert (F @ P @ F.T + bias_noise(0.4, 2.0, BIAS)[0])[4:, 4:] == pytest.approx(P[4:, 4:])
 
 
 def test_no_time_brings_no_noise():

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from tests.reference.measurement import observation_matrix
 
 from twinscrew.runtime.tracking.displacement import Sight
-from twinscrew.runtime.tracking.measurement import NO_STRIPS, observation_matrix
+from twinscrew.runtime.tracking.measurement import NO_STRIPS
 from twinscrew.runtime.tracking.track import Track, first_covariance
 
 H = observation_matrix(np.array([[0.6, 0.8]]))[0]
