@@ -12,8 +12,8 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
+from twinscrew.hil_sim.commands.experiment_answer import tell
 from twinscrew.hil_sim.experiments.ablations import (
     ABLATIONS,
     Switches,
@@ -24,10 +24,8 @@ from twinscrew.hil_sim.experiments.engine import check_engine
 from twinscrew.hil_sim.experiments.folder import FILE, begin, go_on
 from twinscrew.hil_sim.experiments.plan import Experiment, parse_methods
 from twinscrew.hil_sim.experiments.rerun import find, parse_line, rerun
-from twinscrew.hil_sim.experiments.results import results_sha256
-from twinscrew.hil_sim.experiments.runner import Finished, run
+from twinscrew.hil_sim.experiments.runner import run
 from twinscrew.hil_sim.experiments.sets import load_sets
-from twinscrew.hil_sim.experiments.summary import Cell, summarise
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.perception.sensor import load_sensor
 
@@ -113,7 +111,7 @@ def experiment(
             engine_,
             lambda done, total: bar.update(task, completed=done, total=total),
         )
-    _tell(finished, folder, time.monotonic() - begin_s, as_json=as_json)
+    tell(finished, folder, time.monotonic() - begin_s, as_json=as_json)
 
 
 def _variants(ablate: str | None, base: str | None) -> tuple[Switches, ...] | None:
@@ -154,48 +152,6 @@ def _bar(console: Console, *, quiet: bool) -> Progress:
         transient=True,
         speed_estimate_period=SMOOTHING_S,
     )
-
-
-def _tell(finished: Finished, folder: Path, wall_s: float, *, as_json: bool) -> None:
-    cells = summarise(finished.records)
-    sailed = len(finished.records) - finished.kept
-    digest = results_sha256(finished.records)
-    if as_json:
-        print(
-            json.dumps(
-                {
-                    "out": str(folder),
-                    "episodes": len(finished.records),
-                    "sailed_now": sailed,
-                    "kept": finished.kept,
-                    "results_sha256": digest,
-                    "cells": [one.record() for one in cells],
-                    "wall_s": round(wall_s, 2),
-                }
-            )
-        )
-        return
-    console = Console()
-    console.print(_table(cells))
-    console.print(f"{sailed} episodes sailed in {wall_s:.0f} s, {finished.kept} were there before")
-    console.print(f"results {digest[:16]}...; [bold]twinscrew report {folder}[/bold] tells more")
-
-
-def _table(cells: list[Cell]) -> Table:
-    table = Table("set", "method", "variant", "success", "95 %", "travel time", "failures")
-    for one in cells:
-        low, high = one.wilson95
-        mean, least, most = one.travel_time_s
-        table.add_row(
-            one.set,
-            one.method,
-            one.variant,
-            f"{one.successes}/{one.episodes}",
-            f"{low:.0%} .. {high:.0%}",
-            f"{mean:.2f} s ({least:.2f} .. {most:.2f})" if one.successes else "-",
-            ", ".join(f"{cause} {n}" for cause, n in one.failures.items() if n) or "-",
-        )
-    return table
 
 
 def _rerun(text: str, out: Path | None, *, as_json: bool) -> None:

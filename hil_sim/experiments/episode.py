@@ -9,7 +9,6 @@ from pathlib import Path
 from twinscrew.hil_sim.drivers.lockstep import LockstepCrew
 from twinscrew.hil_sim.drivers.voyage import Voyage, VoyageResult
 from twinscrew.hil_sim.experiments.ablations import (
-    Switches,
     calmed,
     dynamics,
     eased,
@@ -31,6 +30,7 @@ from twinscrew.hil_sim.world import WorldSettings
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.recording_settings import RecordingSettings
+from twinscrew.runtime.app.stepped import SteppedRuntime
 from twinscrew.runtime.errors import TwinscrewError
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.perception.sensor import load_sensor
@@ -84,42 +84,41 @@ def _world(scenario: Scenario, task: Task) -> WitnessWorld:
 
 
 def _crew(world: WitnessWorld, task: Task, folder: Path | None) -> LockstepCrew:
-    names, by_chance = world.scenario.names, task.method.policy == CHANCE
-    configs = [
-        RuntimeConfig(
-            name=name,
-            sensor=task.sensor,
-            policy=CLASSICAL[0] if by_chance else task.method.policy,  # chance replaces it below
-            assurance=unassured(AssuranceSettings(), task.switches),
-            mission=MissionSettings(goal_radius_m=world.scenario.goal_radius),
-            autopilot=AutopilotSettings(system_id=i + 1, arm=True, receiver_fitted=False),
-            recording=RecordingSettings(
-                folder=str(folder / name) if folder else "",
-                about={"scenario": world.scenario.name, "seed": str(task.seed)},
-            ),
-        )
-        for i, name in enumerate(names)
-    ]
+    configs = [_config(task, world.scenario, i, folder) for i in range(world.scenario.vessels)]
     kind = DirectCrew if "ideal_thrust" in task.switches else LockstepCrew
     crew = kind(configs, epoch_ns=world.epoch_ns)
-    if by_chance:
-        for i, vessel in enumerate(crew.vessels):
-            vessel.controller.core.pipeline.policy = RandomPolicy((task.seed, i))
-    for config, vessel in zip(configs, crew.vessels, strict=True):
-        pipeline = vessel.controller.core.pipeline
-        pipeline.assurance = WitnessAssurance(config.assurance, config.thrust)
-    _idealise(crew, world, task.switches)
+    for i, vessel in enumerate(crew.vessels):
+        _fit_out(vessel, world, i, task)
     return crew
 
 
-def _idealise(crew: LockstepCrew, world: WitnessWorld, switches: Switches) -> None:
-    for i, vessel in enumerate(crew.vessels):
-        pipeline = vessel.controller.core.pipeline
-        reach_m = pipeline.perception.settings.max_range_m
-        if "ideal_perception" in switches or "ideal_tracking" in switches:
-            pipeline.perception = TruePerception(pipeline.perception.sensor, world, i)
-        if "ideal_tracking" in switches:
-            pipeline.tracker = TrueTracker(world, i, reach_m)
+def _config(task: Task, scenario: Scenario, vessel: int, folder: Path | None) -> RuntimeConfig:
+    name, by_chance = scenario.names[vessel], task.method.policy == CHANCE
+    return RuntimeConfig(
+        name=name,
+        sensor=task.sensor,
+        policy=CLASSICAL[0] if by_chance else task.method.policy,  # `_fit_out` replaces it
+        assurance=unassured(AssuranceSettings(), task.switches),
+        mission=MissionSettings(goal_radius_m=scenario.goal_radius),
+        autopilot=AutopilotSettings(system_id=vessel + 1, arm=True, receiver_fitted=False),
+        recording=RecordingSettings(
+            folder=str(folder / name) if folder else "",
+            about={"scenario": scenario.name, "seed": str(task.seed)},
+        ),
+    )
+
+
+def _fit_out(runtime: SteppedRuntime, world: WitnessWorld, vessel: int, task: Task) -> None:
+    """Replace what no configuration can: chance, a witness, and what switches idealise."""
+    pipeline, config = runtime.controller.core.pipeline, runtime.config
+    pipeline.assurance = WitnessAssurance(config.assurance, config.thrust)
+    if task.method.policy == CHANCE:
+        pipeline.policy = RandomPolicy((task.seed, vessel))
+    reach_m = pipeline.perception.settings.max_range_m
+    if {"ideal_perception", "ideal_tracking"} & set(task.switches):
+        pipeline.perception = TruePerception(pipeline.perception.sensor, world, vessel)
+    if "ideal_tracking" in task.switches:
+        pipeline.tracker = TrueTracker(world, vessel, reach_m)
 
 
 def _sail(world: WitnessWorld, crew: LockstepCrew, task: Task) -> VoyageResult:
