@@ -65,7 +65,9 @@ class EstimationSettings(Settings, frozen=True):
     gps_disagrees_s: Positive = 2.0
     """[s] After fixes have lain outside the gate for so long the estimate starts from them anew."""
     usable_sigma_m: Positive = 2.0
-    """[m] Odometry is given while the position's standard deviation is less, in any direction."""
+    """[m] Odometry is given while the position's standard deviation is less, in any direction,"""
+    usable_sigma_mps: Positive = 0.5
+    """[m/s] and the velocity's: after the first fix it is not known yet."""
     imu_gap_s: Positive = 0.25
     """[s] After a longer silence of the IMU the estimate starts anew."""
     sensors: SensorSettings = SensorSettings()
@@ -230,7 +232,7 @@ class Estimator:
         age_s = (now_ns - self._used_ns) / NANOSECONDS_PER_SECOND
         lost = age_s > self._settings.gps_lost_s
         if lost:
-            detail = f"for {age_s:.1f} s; the position is known to {self._sigma_m():.1f} m"
+            detail = f"for {age_s:.1f} s; the position is known to {self._sigma(POSITION):.1f} m"
             self._tell(GPS_LOST.at(now_ns, detail))
         elif self._coasts:
             self._told_ns.pop(GPS_LOST.name, None)
@@ -258,18 +260,20 @@ class Estimator:
         )
 
     def _is_usable(self, now_ns: int) -> bool:
-        sigma_m = self._sigma_m()
-        usable = sigma_m < self._settings.usable_sigma_m
+        settings = self._settings
+        sigma_m, sigma_mps = self._sigma(POSITION), self._sigma(VELOCITY)
+        usable = sigma_m < settings.usable_sigma_m and sigma_mps < settings.usable_sigma_mps
         if usable != self._usable:
             kind = ESTIMATE_READY if usable else ESTIMATE_LOST
-            self._events.append(kind.at(now_ns, f"the position is known to {sigma_m:.1f} m"))
+            detail = f"position known to {sigma_m:.1f} m, velocity to {sigma_mps:.2f} m/s"
+            self._events.append(kind.at(now_ns, detail))
         self._usable = usable
         return usable
 
-    def _sigma_m(self) -> float:
-        """[m] Standard deviation of the horizontal position in its worst direction."""
+    def _sigma(self, states: slice) -> float:
+        """[m], [m/s] Give the standard deviation in its worst horizontal direction."""
         assert self._filter is not None  # noqa: S101  (its callers saw it)
-        (a, b), (_, d) = self._filter.P[:2, :2].tolist()
+        (a, b, _), (_, d, _), _ = self._filter.P[states, states].tolist()
         return math.sqrt(0.5 * (a + d) + math.hypot(0.5 * (a - d), b))
 
     def _located(self, fix: Fix) -> tuple[Float64, Float64]:
@@ -285,6 +289,7 @@ class Estimator:
     def _first_frame(self, fix: Fix) -> LocalFrame:
         datum = self._settings.datum
         altitude_m = fix.altitude_m if math.isfinite(fix.altitude_m) else 0.0
+        altitude_m -= self._settings.sensors.antenna.z_m  # down counts from where the vessel floats
         if datum is None:
             datum = Datum(latitude_deg=fix.latitude_deg, longitude_deg=fix.longitude_deg)
         return LocalFrame(

@@ -20,7 +20,7 @@ from twinscrew.runtime.geometry.angles import wrap
 from twinscrew.runtime.geometry.frames import euler_from_quaternion, rotation_from_quaternion
 from twinscrew.runtime.messages import cdr
 
-RUNS, SAIL_S, LOOK_S = 16, 12.0, 3.0
+RUNS, SAIL_S, LOOK_S = 12, 9.0, 3.0
 IMU_B = Carriage(SensorSettings()).imu_B
 HORIZONTAL = [0, 1]
 
