@@ -18,7 +18,6 @@ SHIPPED = CONFIG_DIR / "autopilot" / "ardurover.parm"
 _FACTORY: Mapping[str, float] = {
     "SYSID_THISMAV": 1.0,
     "ARMING_CHECK": 1.0,
-    "FS_THR_VALUE": 910.0,  # us, a throttle channel below this is a lost radio
     "FS_GCS_ENABLE": 0.0,
     "SIM_RC_FAIL": 1.0,  # ArduPilot's simulator only: 0 gives it a receiver, 1 none
     "SERVO2_FUNCTION": 0.0,

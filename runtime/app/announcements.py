@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from twinscrew.runtime.estimation import events as estimation_events
 from twinscrew.runtime.link import events as link_events
 from twinscrew.runtime.messages.types import HealthEvent, Severity
 from twinscrew.runtime.safety import events as safety_events
@@ -14,11 +15,13 @@ AGAIN_S = 10.0
 """[s] The same event is said once in this time, unless it says something else."""
 AT_ONCE = 8
 """[-] Texts that may wait; more at a time nobody reads, and a slow radio would fill up."""
-SILENT = frozenset({link_events.AUTOPILOT_SAYS.name, safety_events.STATE.name})
+SILENT = frozenset(
+    kind.name for kind in (link_events.AUTOPILOT_SAYS, safety_events.STATE, safety_events.STATE_NOW)
+)
 """Events that stations know already: the autopilot's own words, and what follows from others."""
 MEANINGS = {
     kind.name: kind.meaning
-    for module in (safety_events, link_events)
+    for module in (safety_events, link_events, estimation_events)
     for kind in vars(module).values()
     if isinstance(kind, EventKind)
 }

@@ -28,7 +28,7 @@ class GroundSettings(Settings, frozen=True):
     """[Hz] OBSTACLE_DISTANCE, every object of the newest scan; 0: none. ArduPilot forgets after
     half a second: 5 is enough."""
     obstacle_range_m: Positive = 100.0
-    """[m] Farther away nothing is told."""
+    """[m] Farther away nothing is told, nor farther than perception looks."""
     vessels_hz: NonNegative = 0.0
     """[Hz] AIS_VESSEL, each vessel that is tracked; 0: none. Needs autopilot.datum; 1 is enough."""
     vessel_speed_mps: Positive = 0.5
@@ -45,8 +45,20 @@ class GroundReport:
         settings: GroundSettings | None = None,
         datum: Datum | None = None,
         system_id: int = 1,
+        *,
+        sees_m: float = math.inf,
     ) -> None:
+        """Prepare.
+
+        Parameters
+        ----------
+        datum, system_id
+            Where vessels lie on the earth, and whose they are told as.
+        sees_m
+            [m] How far perception looks: nobody may be told that it is free beyond.
+        """
         self._settings = settings or GroundSettings()
+        self._range_m = min(self._settings.obstacle_range_m, sees_m)
         self._datum = datum
         self._system_id = system_id
         self._announcements = Announcements()
@@ -81,7 +93,7 @@ class GroundReport:
         messages = []
         if _is_due(self._obstacles_s, settings.obstacles_hz, now_s):
             self._obstacles_s = now_s
-            objects, range_m = decision.objects, settings.obstacle_range_m
+            objects, range_m = decision.objects, self._range_m
             distances = sector_distances_cm(objects.p_B, objects.radius, range_m)
             messages.append(obstacle_distance(distances, range_m, now_s))
         if self._datum is not None and _is_due(self._vessels_s, settings.vessels_hz, now_s):

@@ -204,7 +204,12 @@ class Session:
             transport,
             self._outlet,
             rate_hz=config.command_rate_hz,
-            ground=GroundReport(config.ground, link.datum, link.system_id),
+            ground=GroundReport(
+                config.ground,
+                link.datum,
+                link.system_id,
+                sees_m=config.perception.max_range_m,
+            ),
         )
         if self._refused:
             told = PRIORITY_REFUSED.at(controller.stamp_ns, "; ".join(self._refused))

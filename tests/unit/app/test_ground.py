@@ -1,6 +1,10 @@
 """What the loop tells ground stations, and how often."""
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from tests.harness.boat import Steady, cloud, make_pipeline, odometry, stamp
 
 from twinscrew.runtime.app.controller import Controller
@@ -11,10 +15,12 @@ from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
-from twinscrew.runtime.link.transport import Transport
+from twinscrew.runtime.link.datum import Datum
+from twinscrew.runtime.link.transport import UdpTransport, open_transport
 from twinscrew.runtime.link.wire import Wire
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.types import Decision, Objects, Tracks
+from twinscrew.runtime.messages.types import Decision, Objects, Severity, Tracks
+from twinscrew.runtime.safety.events import GOAL_SET
 
 
 def decision() -> Decision:
@@ -76,30 +82,37 @@ def test_before_the_first_decision_and_after_the_last_nothing_is_told() -> None:
     assert report.due(1.0 + FORGOTTEN_S + 0.01) == []
 
 
-class Wiretap(Transport):
-    """Keeps what the loop sends."""
+class Station:
+    """Listens where the loop sends, on a real socket."""
 
     def __init__(self) -> None:
-        self.sent = b""
+        self.listener = UdpTransport("127.0.0.1", 0, listens=True)
+        self.boat = open_transport(f"udpout:127.0.0.1:{self.listener.port}")
+        self.wire = Wire(255, 190)
+        self.heard: dict[str, list] = {}
 
-    def fileno(self) -> int:
-        raise NotImplementedError
-
-    def receive(self) -> bytes:
-        return b""
-
-    def send(self, data: bytes) -> None:
-        self.sent += data
+    def listen(self) -> None:
+        for message in self.wire.decode(self.listener.receive()):
+            self.heard.setdefault(message.get_type(), []).append(message)
 
     def close(self) -> None:
-        pass
+        self.boat.close()
+        self.listener.close()
 
 
-def test_the_loop_sends_what_is_due_with_its_commands() -> None:
-    inbox, wiretap = Inbox(), Wiretap()
+@pytest.fixture
+def station() -> Iterator[Station]:
+    station = Station()
+    yield station
+    station.close()
+
+
+def test_the_loop_sends_what_is_due_with_its_commands(station) -> None:
+    inbox = Inbox()
     controller = Controller(Core(make_pipeline(Steady())), AutopilotLink(AutopilotSettings()))
-    ground = GroundReport(GroundSettings(obstacles_hz=20.0, latency_hz=20.0))
-    loop = Loop(controller, inbox, wiretap, Outlet(None, None), rate_hz=50.0, ground=ground)
+    ground = GroundReport(GroundSettings(obstacles_hz=20.0, latency_hz=20.0), sees_m=20.0)
+    outlet = Outlet(None, None)
+    loop = Loop(controller, inbox, station.boat, outlet, rate_hz=50.0, ground=ground)
     scans = iter(range(10_000))
 
     def sense_until_told() -> bool:
@@ -109,9 +122,43 @@ def test_the_loop_sends_what_is_due_with_its_commands() -> None:
             ("points", cdr.encode_point_cloud(cloud(time_s))),
         ):
             inbox.put(Received(topic, payload, 0))
-        return b"latency_ms" in wiretap.sent
+        station.listen()
+        return {"NAMED_VALUE_FLOAT", "STATUSTEXT"} <= set(station.heard)
 
     loop.run(sense_until_told)
-    kinds = {message.get_type() for message in Wire(9, 9).decode(wiretap.sent)}
-    assert {"HEARTBEAT", "OBSTACLE_DISTANCE", "NAMED_VALUE_FLOAT"} <= kinds
+    assert {"HEARTBEAT", "OBSTACLE_DISTANCE", "NAMED_VALUE_FLOAT"} <= set(station.heard)
+    obstacles = station.heard["OBSTACLE_DISTANCE"][0]
+    assert set(obstacles.distances) == {2001}  # no farther than perception looks
     assert controller.stamp_ns >= stamp(0.0)
+
+
+def test_tracked_vessels_are_told_once_a_second_if_it_is_known_where_they_are() -> None:
+    settings = GroundSettings(vessels_hz=1.0)
+    for datum, count in ((Datum(latitude_deg=0.0, longitude_deg=0.0), 3), (None, 0)):
+        report = GroundReport(settings, datum, 7)
+        told = []
+        for k in range(60):
+            report.decided(replace(decision(), tracks=one_vessel()), 1.0, k * 0.05)
+            told += report.due(k * 0.05)
+        assert [message.get_type() for message in told] == ["AIS_VESSEL"] * count
+        assert all(message.MMSI == 100_007_004 for message in told)
+
+
+def one_vessel() -> Tracks:
+    return Tracks(
+        stamp_ns=0,
+        id=np.array([4]),
+        p_N=np.array([[10.0, 0.0]]),
+        v_N=np.array([[0.0, 2.0]]),
+        radius=np.ones(1),
+        covariance=np.zeros((1, 4, 4)),
+        age_s=np.zeros(1),
+    )
+
+
+def test_without_texts_nothing_is_said_but_what_was_refused() -> None:
+    report = GroundReport(GroundSettings(texts=False))
+    report.happened((GOAL_SET.at(0),), 0.0)
+    report.complain(["goal refused: it is too far"])
+    assert report.texts() == [("goal refused: it is too far", Severity.WARNING)]
+    assert report.texts() == []
