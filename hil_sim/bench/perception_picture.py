@@ -19,7 +19,7 @@ from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.tracking.tracker import Tracker
 from twinscrew.runtime.tracking.view import View
 
-EPISODE, SCANS = 100, 60
+EPISODE, SCANS = 101, 116
 """[-] Which episode of the tracking bench is drawn, and after how many scans."""
 HARBOUR = 4
 """[-] Seed of the harbour that is drawn."""

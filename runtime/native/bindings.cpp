@@ -253,16 +253,20 @@ nb::tuple measured(const twinscrew::CentroidModel& model, Rows2 p, Column radius
                         column_of(rows, {n}, &CentroidRow::gate), kept);
 }
 
-// (K, 2) how far centroids of things at distances [m] may be off.
-nb::ndarray<nb::numpy, double> bias_variance(const twinscrew::CentroidModel& model, Column distance,
-                                             Column radius) {
-  const std::size_t size = distance.size();
-  if (radius.size() != size) {
-    throw std::invalid_argument("CentroidModel: distance and radius of each thing");
+// (K, 2) how far centroids of things may be off: a row begins with north and east [m]. Seen from
+// nowhere, they are taken to be near.
+nb::ndarray<nb::numpy, double> bias_variance(const twinscrew::CentroidModel& model, Matrix2 places,
+                                             Column radius, double north, double east) {
+  const std::size_t size = places.shape(0), width = places.shape(1);
+  if (radius.size() != size || width < 2) {
+    throw std::invalid_argument("CentroidModel: place and radius of each thing");
   }
   return make_array<double>({size, 2}, [&](double* out) {
     for (std::size_t k = 0; k < size; ++k) {
-      const auto both = model.variance(distance.data()[k], radius.data()[k]);
+      const double* p = places.data() + width * k;
+      const double distance = std::hypot(p[0] - north, p[1] - east);
+      const auto both =
+          model.variance(std::isfinite(distance) ? distance : 0.0, radius.data()[k]);
       out = std::copy(both.begin(), both.end(), out);
     }
   });
@@ -287,7 +291,7 @@ void bind_tracking(nb::module_& m) {
           "across"_a, "row_spread"_a, "row"_a, "sigma"_a, "scatter"_a, "jump"_a, "edge"_a,
           "edge_sigma"_a)
       .def("measured", &measured, "p"_a, "radius"_a, "points"_a, "stand"_a)
-      .def("bias_variance", &bias_variance, "distance"_a, "radius"_a);
+      .def("bias_variance", &bias_variance, "places"_a, "radius"_a, "north"_a, "east"_a);
   m.def("invert_blocks", &invert_blocks, "matrix"_a, "size"_a,
         "Invert a block diagonal matrix of symmetric positive definite blocks.");
   m.def("innovations", &innovations, "x"_a, "P"_a, "z"_a, "H"_a, "R"_a, "gate"_a,

@@ -52,7 +52,7 @@ def draw(
     _draw_points(axes[2], perception, cloud)
     _draw_circles(axes[2], perception, objects, truth, tracks)
     try:
-        figure.savefig(file, dpi=120)
+        figure.savefig(file, dpi=90)
     except (OSError, ValueError) as error:
         raise TwinscrewError(f"{file}: {error}") from error
 

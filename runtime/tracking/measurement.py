@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -89,6 +90,20 @@ class Measurements:
     """(K,) Their strips."""
 
 
+class Stand(NamedTuple):
+    """From where a scan was taken."""
+
+    p_N: Float64
+    """[m] [N] (2,) The vessel's place."""
+    R_NB: Float64
+    """(2, 2) Turns a vector of the levelled frame B into N."""
+
+    @classmethod
+    def of(cls, odometry: Odometry) -> Stand:
+        """Take it from the vessel's state at the scan's stamp."""
+        return cls(odometry.position_N[:2], rotation_2d(odometry.heading))
+
+
 class Centroids:
     """Turns objects into measurements; the work is in ``runtime/native/centroids.hpp``."""
 
@@ -112,34 +127,32 @@ class Centroids:
             edge_sigma=settings.edge_sigma,
         )
 
-    def measure(self, objects: Objects, odometry: Odometry) -> Measurements:
+    def measure(self, objects: Objects, own: Stand) -> Measurements:
         """Give the objects of a scan in frame N; what is not finite is left out.
 
         Parameters
         ----------
         objects
             As perception found them.
-        odometry
-            The vessel's state at the scan's stamp.
+        own
+            From where the scan was taken.
         """
-        R_NB, own = rotation_2d(odometry.heading), odometry.position_N[:2]
-        (cosine, _), (sine, _) = R_NB.tolist()
-        north, east = own.tolist()
+        (cosine, _), (sine, _) = own.R_NB.tolist()
         z_N, H, R, radius, gate, kept = self._model.measured(
-            objects.p_B, objects.radius, objects.points, (north, east, cosine, sine)
+            objects.p_B, objects.radius, objects.points, (*own.p_N.tolist(), cosine, sine)
         )
-        return Measurements(z_N, H, R, radius, gate, _sights(objects, own, R_NB, kept))
+        return Measurements(z_N, H, R, radius, gate, _sights(objects, own, kept))
 
-    def bias_variance(self, p_N: Float64, radius: Float64, odometry: Odometry) -> Float64:
+    def bias_variance(self, places_N: Float64, radius: Float64, own: Stand) -> Float64:
         """Give how far centroids may be off what is expected of them, along and across.
 
         Parameters
         ----------
-        p_N : (K, 2) float64
-            Where things are [m].
+        places_N : (K, 2 or more) float64
+            Where things are [m]; of states the first two numbers count.
         radius : (K,) float64
             Their radii [m].
-        odometry
+        own
             From where they are seen.
 
         Returns
@@ -147,8 +160,7 @@ class Centroids:
         variance : (K, 2) float64
             Along and across the line of sight [m2].
         """
-        away = np.nan_to_num(p_N - odometry.position_N[:2])
-        return self._model.bias_variance(np.hypot(away[:, 0], away[:, 1]), radius)
+        return self._model.bias_variance(places_N, radius, *own.p_N.tolist())
 
 
 def _distances(settings: MeasurementSettings, view: View) -> list[float]:
@@ -157,12 +169,12 @@ def _distances(settings: MeasurementSettings, view: View) -> list[float]:
     return [min(scaled[k:]) for k in range(len(scaled))]
 
 
-def _sights(objects: Objects, p_N: Float64, R_NB: Float64, kept: list[int]) -> list[Sight]:
+def _sights(objects: Objects, own: Stand, kept: list[int]) -> list[Sight]:
     """Give the strips of the objects that are kept, in N."""
     strips = objects.strips
     if strips is None:
         return [Sight(objects.stamp_ns, NO_STRIPS)] * len(kept)
     rows_N = strips.rows_B.copy()
-    rows_N[:, :2] = strips.rows_B[:, :2] @ R_NB.T + p_N
+    rows_N[:, :2] = strips.rows_B[:, :2] @ own.R_NB.T + own.p_N
     begin = strips.begin.tolist()
     return [Sight(objects.stamp_ns, rows_N[begin[k] : begin[k + 1]]) for k in kept]

@@ -13,7 +13,6 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta
 
-from twinscrew.runtime.geometry.frames import rotation_2d
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
     Float64,
@@ -33,7 +32,12 @@ from twinscrew.runtime.tracking.displacement import (
 )
 from twinscrew.runtime.tracking.fragments import join_fragments
 from twinscrew.runtime.tracking.life import LifeSettings, is_absorbed, is_born, lives
-from twinscrew.runtime.tracking.measurement import Centroids, Measurements, MeasurementSettings
+from twinscrew.runtime.tracking.measurement import (
+    Centroids,
+    Measurements,
+    MeasurementSettings,
+    Stand,
+)
 from twinscrew.runtime.tracking.motion import STATES, bias_noise, motion_noise, transition
 from twinscrew.runtime.tracking.radius import RadiusSettings, smoothed_radius
 from twinscrew.runtime.tracking.track import Track
@@ -104,9 +108,10 @@ class Tracker:
         dt = self._elapsed(objects.stamp_ns)
         if dt == 0.0 and self._reported is not None:
             return self._reported
-        self._predict(dt, odometry)
-        whole = self._joined(objects, odometry)
-        self._update(self._centroids.measure(whole, odometry), odometry)
+        own = Stand.of(odometry)
+        self._predict(dt, own)
+        whole = self._joined(objects, own)
+        self._update(self._centroids.measure(whole, own), own)
         self._drop()
         self._reported = self._report(objects.stamp_ns)
         return self._reported
@@ -122,14 +127,14 @@ class Tracker:
         self._stamp_ns = stamp_ns
         return 0.0 if jumped else dt
 
-    def _predict(self, dt: float, odometry: Odometry) -> None:
+    def _predict(self, dt: float, own: Stand) -> None:
         if not self._tracks:
             return
         time_s = self.settings.measurement.bias_time_s
         x, P = self._states()
         radius = _floats([track.radius for track in self._tracks])
         Q = self._acceleration_psd(x)[:, None, None] * motion_noise(dt, 1.0)
-        Q += bias_noise(dt, time_s, self._centroids.bias_variance(x[:, :2], radius, odometry))
+        Q += bias_noise(dt, time_s, self._centroids.bias_variance(x, radius, own))
         x, P = self._bank.predict(x, P, transition(dt, time_s), Q)
         for k, track in enumerate(self._tracks):
             track.moved_on(dt, x[k], P[k])
@@ -148,17 +153,17 @@ class Tracker:
         psd: Float64 = settings.rest_psd + share * (settings.acceleration_psd - settings.rest_psd)
         return psd
 
-    def _joined(self, objects: Objects, odometry: Odometry) -> Objects:
+    def _joined(self, objects: Objects, own: Stand) -> Objects:
         """Put together what lies within the circle of one known track."""
         known = [track for track in self._tracks if track.confirmed]
         if not known or len(objects.p_B) < 2:
             return objects
         p_N = np.array([track.x[:2] for track in known])
-        p_B = (p_N - odometry.position_N[:2]) @ rotation_2d(odometry.heading)
+        p_B = (p_N - own.p_N) @ own.R_NB
         circle = self.settings.life.join_share * _floats([track.radius for track in known])
         return join_fragments(objects, p_B, circle)
 
-    def _update(self, measured: Measurements, odometry: Odometry) -> None:
+    def _update(self, measured: Measurements, own: Stand) -> None:
         x, P = self._states()
         found = associate(x, P, measured, self.settings.gate_sigma)
         if found.pairs:
@@ -166,7 +171,7 @@ class Tracker:
         if found.new:
             z_N, radius = measured.z_N[found.new], measured.radius[found.new]
             for j, bias in zip(
-                found.new, self._centroids.bias_variance(z_N, radius, odometry), strict=True
+                found.new, self._centroids.bias_variance(z_N, radius, own), strict=True
             ):
                 self._tracks.append(self._born(measured, j, bias))
 

@@ -12,7 +12,7 @@ from tests.reference.measurement import measure as plain_measure
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.settings import convert
-from twinscrew.runtime.tracking.measurement import Centroids, MeasurementSettings
+from twinscrew.runtime.tracking.measurement import Centroids, MeasurementSettings, Stand
 from twinscrew.runtime.tracking.view import View
 
 _spec = importlib.util.spec_from_file_location("scene", Path(__file__).with_name("scene.py"))
@@ -24,7 +24,7 @@ SETTINGS, VIEW = MeasurementSettings(), View()
 
 def seen(p_N, **kwargs):
     ego = scene.odometry(north=3.0, east=-2.0, yaw=0.8)
-    return Centroids(SETTINGS, VIEW).measure(scene.objects(p_N, ego, **kwargs), ego)
+    return Centroids(SETTINGS, VIEW).measure(scene.objects(p_N, ego, **kwargs), Stand.of(ego))
 
 
 def test_centres_lie_behind_centroids_on_the_line_of_sight():
@@ -92,7 +92,7 @@ def test_the_native_model_is_the_plain_one(view):
     objects = scene.objects(p_N, ego, radius=rng.uniform(0.2, 4.0, 200))
     objects.points[:] = rng.integers(0, 300, 200)
     objects.p_B[7], objects.radius[11] = np.nan, np.inf
-    found = Centroids(SETTINGS, view).measure(objects, ego)
+    found = Centroids(SETTINGS, view).measure(objects, Stand.of(ego))
     plain = plain_measure(objects, ego, SETTINGS, view)
     for name in ("z_N", "H", "R", "radius", "gate"):
         assert getattr(found, name) == pytest.approx(getattr(plain, name), abs=1e-12)
@@ -103,7 +103,7 @@ def test_the_native_spread_is_the_plain_one(view):
     rng, ego = np.random.default_rng(1), scene.odometry(north=3.0)
     p_N, radius = rng.uniform(-20.0, 20.0, (200, 2)), rng.uniform(0.2, 4.0, 200)
     distance = np.hypot(*(p_N - ego.position_N[:2]).T)
-    found = Centroids(SETTINGS, view).bias_variance(p_N, radius, ego)
+    found = Centroids(SETTINGS, view).bias_variance(p_N, radius, Stand.of(ego))
     assert found == pytest.approx(bias_variance(distance, radius, SETTINGS, view), rel=1e-12)
 
 
@@ -111,7 +111,7 @@ def test_a_hull_between_wider_rows_is_less_sure_and_a_buoy_is_not():
     ego = scene.odometry()
     p_N, radius = np.array([[15.0, 0.0], [15.0, 0.0]]), np.array([2.8, 0.5])
     fine, coarse = (
-        Centroids(SETTINGS, View(row_rad=row)).bias_variance(p_N, radius, ego)
+        Centroids(SETTINGS, View(row_rad=row)).bias_variance(p_N, radius, Stand.of(ego))
         for row in (0.0125, 0.035)
     )
     assert (coarse[0] > 1.5 * fine[0]).all()
@@ -131,7 +131,9 @@ def test_arrays_that_disagree_are_refused():
     ego = scene.odometry()
     objects = scene.objects([[5.0, 0.0], [9.0, 1.0]], ego)
     with pytest.raises(ValueError, match="of each object"):
-        Centroids(SETTINGS, VIEW).measure(replace(objects, radius=objects.radius[:1]), ego)
+        Centroids(SETTINGS, VIEW).measure(
+            replace(objects, radius=objects.radius[:1]), Stand.of(ego)
+        )
 
 
 @pytest.mark.parametrize(
