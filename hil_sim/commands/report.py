@@ -19,7 +19,7 @@ def report(
         list[str] | None,
         typer.Option(help="METHOD=FILE of `twinscrew evaluate --all --json`; may be repeated."),
     ] = None,
-    failures: Annotated[int, typer.Option(help="Failures to sail again and draw.", min=0)] = 6,
+    failures: Annotated[int, typer.Option(help="Failures to sail again and draw.", min=0)] = 8,
     trajectories: Annotated[bool, typer.Option(help="Sail episodes again to draw them.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:

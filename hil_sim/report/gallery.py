@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
@@ -72,13 +72,17 @@ def failures(
 
 
 def choose(material: Material, count: int) -> list[EpisodeRecord]:
-    """Choose failures: one of each method and cause, then a second of each, and so on."""
-    kinds: dict[tuple[str, str], list[EpisodeRecord]] = {}
+    """Choose failures: one of every method, then of another cause of each, and so on."""
+    kinds: dict[str, dict[str, list[EpisodeRecord]]] = {name: {} for name in material.methods}
     for record in material.records:
         if record.variant == material.main and record.cause is not None:
-            kinds.setdefault((record.method, record.cause), []).append(record)
-    rounds = zip_longest(*kinds.values())
-    return [record for row in rounds for record in row if record is not None][:count]
+            kinds[record.method].setdefault(record.cause, []).append(record)
+    return _in_turn(_in_turn(causes.values()) for causes in kinds.values())[:count]
+
+
+def _in_turn(lists: Iterable[list[EpisodeRecord]]) -> list[EpisodeRecord]:
+    """Give the first of every list, then the second of every list that has one, and so on."""
+    return [one for row in zip_longest(*lists) for one in row if one is not None]
 
 
 def _again(material: Material, record: EpisodeRecord, folder: Path, file: str) -> Picture:

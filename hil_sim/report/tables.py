@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from statistics import fmean
 
 from twinscrew.hil_sim.experiments.ablations import FULL
-from twinscrew.hil_sim.experiments.statistics import Paired, holm, pair
+from twinscrew.hil_sim.experiments.statistics import Paired, bootstrap_mean, holm, pair
 from twinscrew.hil_sim.experiments.summary import Cell, Rule
 from twinscrew.hil_sim.report.markdown import NOTHING, interval, number, p_value, share, table
 from twinscrew.hil_sim.report.material import Material
@@ -57,11 +58,23 @@ def paired(material: Material) -> str:
             *(str(n) for n in (one.both, one.only_first, one.only_second, one.neither)),
             p_value(one.p_value),
             p_value(holms),
+            later(material, first, other),
         ]
         for (other, one), holms in zip(pairs.items(), adjusted, strict=True)
     ]
     header = ["", "both", "only the first", "only the second", "neither", "p", "p (Holm)"]
-    return table(header, rows)
+    return table([*header, "the second later [s]"], rows)
+
+
+def later(material: Material, first: str, second: str) -> str:
+    """Tell how much later the second method's vessels arrive where both methods succeed."""
+    times: dict[str, dict[tuple[str, int], float]] = {first: {}, second: {}}
+    for record in material.records:
+        if record.variant == material.main and record.success and record.method in times:
+            mean = fmean(vessel.travel_time_s for vessel in record.vessels)
+            times[record.method][record.set, record.episode] = mean
+    both = [key for key in times[first] if key in times[second]]
+    return _interval(bootstrap_mean([[times[second][key] - times[first][key]] for key in both]))
 
 
 def compare(material: Material, first: str, second: str) -> Paired:
@@ -154,8 +167,12 @@ def _success(cell: Cell | None) -> str:
 def _time(cell: Cell | None) -> str:
     if cell is None or cell.successes == 0:
         return NOTHING
-    mean, low, high = cell.travel_time_s
-    return f"{mean:.2f} [{interval(low, high)}]"
+    return _interval(cell.travel_time_s)
+
+
+def _interval(estimate: tuple[float, float, float]) -> str:
+    mean, low, high = estimate
+    return NOTHING if math.isnan(mean) else f"{mean:.2f} [{interval(low, high)}]"
 
 
 def _rule(rule: Rule) -> list[str]:

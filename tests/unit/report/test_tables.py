@@ -40,7 +40,25 @@ def test_travel_times_stand_beside_the_papers(material: Material) -> None:
 
 def test_the_first_method_is_paired_with_the_others_over_all_sets(material: Material) -> None:
     (told,) = rows(tables.paired(material)).values()
-    assert told == ["2", "4", "0", "0", "0.125", "0.125"]  # p = 2 / 2^4
+    assert told[:6] == ["2", "4", "0", "0", "0.125", "0.125"]  # p = 2 / 2^4
+
+
+def test_travel_times_are_compared_where_both_methods_arrived(tmp_path: Path) -> None:
+    slower = [
+        replace(
+            one,
+            vessels=tuple(replace(v, travel_time_s=v.travel_time_s + 3.0) for v in one.vessels),
+        )
+        if one.method == "apf"
+        else one
+        for one in made_up()
+    ]
+    material = gather(folder(tmp_path / "out", slower))
+    assert tables.later(material, "ac_iqn", "apf") == "3.00 [3.00 .. 3.00]"
+    assert rows(tables.paired(material))["ac_iqn - apf"][-1] == "3.00 [3.00 .. 3.00]"
+    nobody = [replace(one, success=False, cause="time") for one in slower]
+    alone = gather(folder(tmp_path / "nobody", nobody))
+    assert tables.later(alone, "ac_iqn", "apf") == "-"
 
 
 def test_only_episodes_that_both_have_sailed_are_paired(tmp_path: Path) -> None:

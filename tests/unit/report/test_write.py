@@ -1,6 +1,7 @@
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 from tests.unit.report.results_folder import folder, made_up
 
 from twinscrew.hil_sim.report.gallery import choose
@@ -41,6 +42,19 @@ def test_the_gallery_shows_every_method_and_cause_before_a_second_of_any(tmp_pat
     causes = [(record.method, record.cause, record.set[0]) for record in choose(material, 3)]
     assert causes == [("apf", "buoy", "3"), ("apf", "time", "3"), ("apf", "buoy", "5")]
     assert len(choose(material, 99)) == 4
+
+
+def test_the_gallery_shows_every_method_before_another_cause_of_any(tmp_path: Path) -> None:
+    records = made_up()
+    failed = [
+        replace(one, success=False, cause="vessel")
+        if (one.method, one.set[0], one.episode) == ("ac_iqn", "5", 2)
+        else one
+        for one in records
+    ]
+    material = gather(folder(tmp_path / "out", failed))
+    chosen = [(record.method, record.cause) for record in choose(material, 3)]
+    assert chosen == [("ac_iqn", "vessel"), ("apf", "buoy"), ("apf", "time")]
 
 
 def test_a_report_that_cannot_be_written_says_why(tmp_path: Path) -> None:
