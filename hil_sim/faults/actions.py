@@ -73,8 +73,10 @@ def action_of(fault: Fault, rig: Rig, crew: RealtimeCrew, rng: Generator) -> Act
     return _on_lines(fault, rig, rng)
 
 
-def effect_of(kind: str, target: str, given: Any, rng: Generator) -> Effect:
-    """Give what a fault does to the messages of one line."""
+def effect_of(
+    kind: str, target: str, given: Any, rng: Generator, last: bytes | None = None
+) -> Effect:
+    """Give what a fault does to the messages of one line, of which one was the last before it."""
     match kind:
         case "drop":
             return Dropping(given.share, rng)
@@ -87,7 +89,7 @@ def effect_of(kind: str, target: str, given: Any, rng: Generator) -> Effect:
         case "corrupt":
             return Corrupting(given, rng)
         case "freeze":
-            return Freezing(stamps_move=given.stamps == "moving")
+            return Freezing(last, stamps_move=given.stamps == "moving")
         case "clock_jump":
             return Jumping(given.jump_s)
         case "wrong_ids":
@@ -99,17 +101,16 @@ def effect_of(kind: str, target: str, given: Any, rng: Generator) -> Effect:
 
 def _on_lines(fault: Fault, rig: Rig, rng: Generator) -> Action:
     names = {id(line): name for name, line in rig.lines.items()}
-    pairs: list[tuple[Line, Effect]] = [
-        (line, effect_of(fault.kind, names[id(line)], fault.settings(), rng))
-        for line in rig.lines_of(fault.target)
-    ]
+    made: list[tuple[Line, Effect]] = []
 
     def begin() -> None:
-        for line, effect in pairs:
-            line.add(effect)
+        for line in rig.lines_of(fault.target):
+            name, given = names[id(line)], fault.settings()
+            made.append((line, effect_of(fault.kind, name, given, rng, line.last)))
+            line.add(made[-1][1])
 
     def end() -> None:
-        for line, effect in pairs:
+        for line, effect in made:
             line.remove(effect)
 
     return Action(begin, end)

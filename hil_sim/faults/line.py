@@ -11,6 +11,8 @@ class Line:
     def __init__(self) -> None:
         self._effects: list[Effect] = []
         self._released: list[bytes] = []
+        self.last: bytes | None = None
+        """The last message that was sent, whatever became of it."""
 
     def add(self, effect: Effect) -> None:
         """Let something go wrong from now on."""
@@ -23,6 +25,7 @@ class Line:
 
     def put(self, payload: bytes, now_s: float) -> list[bytes]:
         """Send a message; give what arrives at once, in order."""
+        self.last = payload
         return self._through([payload], 0, now_s)
 
     def due(self, now_s: float) -> list[bytes]:

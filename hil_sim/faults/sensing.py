@@ -34,11 +34,11 @@ def with_stamp(payload: bytes, stamp_ns: int) -> bytes:
 
 
 class Freezing(Immediate):
-    """The first message is repeated in the place of all others."""
+    """The last message before it, or the first in it, is repeated in the place of all others."""
 
-    def __init__(self, *, stamps_move: bool) -> None:
+    def __init__(self, last: bytes | None = None, *, stamps_move: bool) -> None:
         self._stamps_move = stamps_move
-        self._first: bytes | None = None
+        self._first = last
 
     def put(self, payload: bytes, now_s: float) -> list[bytes]:  # noqa: ARG002
         """See `Effect`."""

@@ -1,12 +1,13 @@
 """The vessel's state, and what an operator is told about it.
 
-::
+The first that fits, from above; nothing else is remembered, so that any state but STANDBY may follow
+any other::
 
-    STANDBY --all inputs heard--> READY <--armed, MANUAL, a goal--> ACTIVE <--a warning--> DEGRADED
-                                    |                                  |                       |
-                                    +----- an input lost, a fault -----+---------> SAFE <------+
-                                                                                    |
-                                    READY or ACTIVE <------- all fresh again -------+
+    an input or the autopilot never heard --------------------------> STANDBY
+    an input stale, the autopilot silent, the last decision failed --> SAFE
+    not armed, not MANUAL, not obeyed; no goal, or all reached ------> READY
+    a warning within the last second --------------------------------> DEGRADED
+    else ------------------------------------------------------------> ACTIVE
 
 SAFE and STANDBY mean neutral thrust. READY means that somebody else drives: the autopilot is
 disarmed, a pilot has taken the mode, or there is nowhere to go. No state needs a restart to leave.

@@ -1,3 +1,5 @@
+import itertools
+
 import pytest
 
 from twinscrew.runtime.app.health import Facts, Health, State, state_of
@@ -45,3 +47,24 @@ def test_a_warning_degrades_for_a_second_and_an_error_is_not_a_warning() -> None
     health.note((OVERRUN.at(0),), 1.0)
     assert health.warned(1.9)
     assert not health.warned(2.1)
+
+
+def test_standby_is_left_for_good_and_any_other_state_may_follow_any_other() -> None:
+    flags = (True, False)
+    reached: set[State] = set()
+    for fresh, drive, fault, goal, warned in itertools.product(flags, repeat=5):
+        facts = Facts(
+            inputs_heard=True,
+            inputs_fresh=fresh,
+            may_drive=drive,
+            fault=fault,
+            has_goal=goal,
+            warned=warned,
+        )
+        before = Health()
+        for state in (State.READY, State.ACTIVE, State.DEGRADED, State.SAFE, State.STANDBY):
+            before.state = state
+            before.step(facts, 0)
+            assert before.state is state_of(facts)  # whatever was before
+        reached.add(state_of(facts))
+    assert reached == set(State) - {State.STANDBY}

@@ -78,3 +78,9 @@ def test_a_position_is_off_on_the_water_only() -> None:
     off = np.array([message.position_N for message in told])
     assert np.std(off[:, :2]) == pytest.approx(5.0, rel=0.15)
     assert not off[:, 2].any()
+
+
+def test_a_sensor_freezes_at_what_it_said_last() -> None:
+    effect = Freezing(cdr.encode_odometry(odometry(-0.1, 7.0)), stamps_move=True)
+    (told,) = effect.put(cdr.encode_odometry(odometry(0.0, 8.0)), 0.0)
+    assert cdr.decode_odometry(told).position_N[0] == pytest.approx(7.0)
