@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
+from contextlib import suppress
 
 from msgspec.structs import replace
 
@@ -11,6 +12,7 @@ from twinscrew.runtime.app.config import RuntimeConfig, autopilot_of
 from twinscrew.runtime.app.finding import Finding
 from twinscrew.runtime.app.heard import Heard, judge_content, judge_rate
 from twinscrew.runtime.app.heard_autopilot import judge_autopilot
+from twinscrew.runtime.app.odometry_source import SENSED, GpsImuOdometry
 from twinscrew.runtime.app.session import inputs_of
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.bus.inbox import Inbox
@@ -48,6 +50,7 @@ def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False)
             write_parameters=write_params,
         )
     )
+    estimate = GpsImuOdometry(config.estimation) if config.odometry_source == "gps_imu" else None
     topics = tuple(topic for topic in inputs_of(config) if TOPICS[topic].rate_hz > 0)
     try:
         inbox.listen(bus, topics)
@@ -55,6 +58,7 @@ def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False)
         while (now_s := time.monotonic()) < until_s:
             for message in inbox.wait(0.05):
                 heard[message.topic].append(_heard(message, time.monotonic()))
+                _estimate(estimate, message, heard)
             link.receive(transport.receive(), now_s)
             for odometry in link.take_odometry() if own else ():
                 heard["odometry"].append(Heard(cdr.encode_odometry(odometry), now_s, None))
@@ -62,9 +66,20 @@ def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False)
     finally:
         bus.close()
         transport.close()
-    rated = (*topics, "odometry") if own else topics
+    rated = topics if "odometry" in topics else (*topics, "odometry")
     findings = [judge_rate(topic, heard[topic], seconds) for topic in rated]
     return [*findings, *judge_content(heard, config), *judge_autopilot(link)]
+
+
+def _estimate(
+    source: GpsImuOdometry | None, message: Received, heard: dict[str, list[Heard]]
+) -> None:
+    """Let GPS and IMU become odometry, as they will when the boat sails."""
+    if source is not None and message.topic in SENSED:
+        with suppress(MessageError):  # its content is judged elsewhere
+            source.sense(message.topic, message.payload)
+        now_s = time.monotonic()
+        heard["odometry"] += [Heard(payload, now_s, None) for payload in source.payloads()]
 
 
 def _heard(message: Received, came_s: float) -> Heard:

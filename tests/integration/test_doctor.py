@@ -9,6 +9,7 @@ import pytest
 from tests.harness.commands import as_json, twinscrew
 
 from twinscrew.hil_sim.scenario import load_scenario
+from twinscrew.hil_sim.sensors.navigation import Navigation
 from twinscrew.hil_sim.supervisor import Supervisor
 from twinscrew.hil_sim.world import make_world
 from twinscrew.runtime.bus.zenoh import ZenohBus
@@ -25,12 +26,13 @@ def free_port():
 
 
 class Sensors:
-    """The LiDAR and the odometry of a boat in a turn, in real time."""
+    """The LiDAR, and odometry or GPS and IMU, of a boat in a turn, in real time."""
 
-    def __init__(self, endpoint):
+    def __init__(self, endpoint, source):
         self.bus = ZenohBus(ZenohSettings(listen=(endpoint,), connect=()), "wamv1")
         self.world = make_world(load_scenario("crossing"), sensor="vrx16")
         self.supervisor = Supervisor(self.world)
+        self.navigation = Navigation(self.world) if source == "gps_imu" else None
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._talk)
         self._thread.start()
@@ -39,7 +41,12 @@ class Sensors:
         begin_s, tick = time.monotonic(), 0
         while not self._stop.wait(max(0.0, begin_s + 0.05 * tick - time.monotonic())):
             self.supervisor.advance(0.05, np.array([[900.0, 500.0]] * 2))
-            self.bus.publish("odometry", cdr.encode_odometry(self.world.odometry(0)))
+            if self.navigation is None:
+                self.bus.publish("odometry", cdr.encode_odometry(self.world.odometry(0)))
+            else:
+                for sensed in self.navigation.take():
+                    if sensed.vessel == 0:
+                        self.bus.publish(sensed.topic, sensed.payload)
             if tick % 2 == 0:
                 self.bus.publish("points", cdr.encode_point_cloud(self.world.cloud(0)))
             tick += 1
@@ -50,14 +57,15 @@ class Sensors:
         self.bus.close()
 
 
-@pytest.fixture
-def sensors(tmp_path):
+@pytest.fixture(params=["bus", "gps_imu"])
+def sensors(tmp_path, request):
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     (tmp_path / "boat.toml").write_text(
-        f'name = "wamv1"\nsensor = "vrx16"\n[bus]\nconnect = ["{endpoint}"]\n'
+        f'name = "wamv1"\nsensor = "vrx16"\nodometry_source = "{request.param}"\n'
+        f'[bus]\nconnect = ["{endpoint}"]\n'
         '[autopilot]\nconnection = "udpin:127.0.0.1:0"\n'
     )
-    sensors = Sensors(endpoint)
+    sensors = Sensors(endpoint, request.param)
     yield sensors
     sensors.close()
 
@@ -73,4 +81,6 @@ def test_it_judges_what_a_boat_says_and_misses_the_autopilot(sensors, tmp_path):
     assert lines["odometry's motion"]["verdict"] == "OK"
     assert "longest silence" in lines["points"]["found"]
     assert "scans are stamped" in lines["stamps"]["found"]
+    assert lines["odometry's attitude"]["verdict"] == "OK"
+    assert ("gps" in lines) == ("imu" in lines) == (sensors.navigation is not None)
     assert all(line["advice"] for line in lines.values() if line["verdict"] != "OK")
