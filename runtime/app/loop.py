@@ -71,6 +71,7 @@ class Loop:
     def run(self, stop: Callable[[], bool]) -> None:
         """Work until `stop` says so, then leave the propellers at rest."""
         with Garbage() as garbage:
+            self._next_tick_s = self._clock()
             while not stop():
                 for message in self._inbox.wait(self._next_tick_s - self._clock()):
                     self._compute(message)

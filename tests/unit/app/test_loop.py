@@ -129,6 +129,14 @@ def test_a_loop_that_was_held_up_drops_ticks_and_keeps_the_grid() -> None:
     np.testing.assert_allclose(np.minimum(phase, 1.0 - phase), 0.0, atol=1e-6)
 
 
+def test_what_came_before_the_first_turn_is_no_missed_tick() -> None:
+    rig = Rig()
+    rig.clock.now_s += 3.0
+    rig.sensors.next_s = rig.clock.now_s
+    rig.run(1.0)
+    assert rig.loop.missed_ticks == 0
+
+
 def test_it_leaves_the_propellers_at_rest() -> None:
     rig = Rig().run(5.0)
     rig.line.autopilot.step(rig.clock.now_s)
