@@ -14,8 +14,13 @@ def commands_page() -> str:
 
 
 def section(name: str) -> str:
-    """Give a command's part of the page."""
+    """Give a command's part of the page, and those of its subcommands."""
     command = find_command(name)
+    below = getattr(command, "commands", {})
+    return "\n".join([_part(name, command), *(_part(f"{name} {n}", c) for n, c in below.items())])
+
+
+def _part(name: str, command: Any) -> str:
     context = command.make_context(f"twinscrew {name}", [], resilient_parsing=True)
     rows = [row for param in command.get_params(context) if (row := option(param, context))]
     table = ["| | |", "| --- | --- |", *rows] if rows else []
