@@ -7,6 +7,7 @@ heartbeat: if it dies, the autopilot's failsafe stops the boat.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
@@ -64,14 +65,15 @@ class Loop:
         self._desk = GroundDesk(controller, ground or GroundReport())
         self._period_s = 1.0 / rate_hz
         self._clock = clock
-        self._next_tick_s = clock()
+        self._next_tick_s = math.inf
         self._link_is_down = False
         self._manager = ServiceManager()
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Work until `stop` says so, then leave the propellers at rest."""
         with Garbage() as garbage:
-            self._next_tick_s = self._clock()
+            if self._next_tick_s == math.inf:
+                self._next_tick_s = self._clock()  # the grid begins with the first turn
             while not stop():
                 for message in self._inbox.wait(self._next_tick_s - self._clock()):
                     self._compute(message)
