@@ -35,7 +35,8 @@ def update_speed(config: str = "ac_iqn") -> dict[str, float]:
         times = []
         for _ in range(WARM_UP + UPDATES):
             start = time.process_time()
-            agent.update(replay.sample(settings.batch, agent.generator), 0.0)
+            drawn = replay.sample(settings.batch, agent.generator)
+            agent.update(drawn.batch(agent.device), 0.0)
             times.append(time.process_time() - start)
     finally:
         torch.set_num_threads(threads)

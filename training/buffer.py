@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -26,30 +26,29 @@ class Batch(NamedTuple):
     next_observations: Observations
     weight: Tensor | None = None
     """(B,) Of each sample's loss, where transitions are drawn by priority."""
-    places: Tensor | None = None
-    """(B,) Where they lie in the replay, where transitions are drawn by priority."""
 
 
 def split_rows(rows: Tensor) -> Batch:
-    """Read transitions, (B, 78), as a batch."""
+    """Read transitions, (..., B, 78), as a batch."""
     widths = [PACKED_COLUMNS, 2, 1, 1, PACKED_COLUMNS]
-    first, action, reward, discount, last = torch.split(rows, widths, dim=1)
-    return Batch(unpack(first), action, reward.squeeze(1), discount.squeeze(1), unpack(last))
+    first, action, reward, discount, last = torch.split(rows, widths, dim=-1)
+    return Batch(unpack(first), action, reward.squeeze(-1), discount.squeeze(-1), unpack(last))
 
 
-def to_device(batch: Batch, device: torch.device) -> Batch:
-    """Move what an agent learns from; the places belong to the replay and stay."""
-    if device.type == "cpu":
-        return batch
-    return Batch(
-        observations=Observations(*(part.to(device) for part in batch.observations)),
-        action=batch.action.to(device),
-        reward=batch.reward.to(device),
-        discount=batch.discount.to(device),
-        next_observations=Observations(*(part.to(device) for part in batch.next_observations)),
-        weight=None if batch.weight is None else batch.weight.to(device),
-        places=batch.places,
-    )
+class Drawn(NamedTuple):
+    """Transitions drawn from a replay."""
+
+    rows: Tensor
+    """(B, 78)"""
+    weight: Tensor | None = None
+    """(B,) Of each sample's loss, where they are drawn by priority."""
+    places: Tensor | None = None
+    """(B,) Where they lie in the replay, where they are drawn by priority."""
+
+    def batch(self, device: torch.device) -> Batch:
+        """Give them on a device, moved there at once."""
+        weight = None if self.weight is None else self.weight.to(device)
+        return split_rows(self.rows.to(device))._replace(weight=weight)
 
 
 class ReplayBuffer:
@@ -57,27 +56,37 @@ class ReplayBuffer:
 
     def __init__(self, capacity: int) -> None:
         self.rows = torch.zeros(capacity, TRANSITION_COLUMNS)
-        self._size = 0
-        self._next = 0
+        self.added = 0
+        """[-] Transitions since the last `clear`: number n lies in place n modulo the capacity."""
+        self.cleared = 0
+        """[-] How often the buffer was emptied."""
 
     def __len__(self) -> int:
-        return self._size
+        return min(self.added, len(self.rows))
 
     def clear(self) -> None:
         """Forget every transition: after a change of the rewards."""
-        self._size = self._next = 0
+        self.added = 0
+        self.cleared += 1
 
     def add(self, rows: Tensor) -> Tensor:
         """Store transitions, (K, 78); the oldest make room. Gives the places they went to, (K,)."""
         capacity = len(self.rows)
         rows = rows[-capacity:]
-        places = (torch.arange(len(rows)) + self._next) % capacity
+        places = (torch.arange(len(rows)) + self.added) % capacity
         self.rows[places] = rows
-        self._next = (self._next + len(rows)) % capacity
-        self._size = min(self._size + len(rows), capacity)
+        self.added += len(rows)
         return places
 
-    def sample(self, count: int, generator: torch.Generator) -> Batch:
+    def sample(self, count: int, generator: torch.Generator) -> Drawn:
         """Draw `count` transitions uniformly, with replacement."""
-        places = torch.randint(self._size, (count,), generator=generator)
-        return split_rows(self.rows[places])
+        places = torch.randint(len(self), (count,), generator=generator)
+        return Drawn(self.rows[places])
+
+    def state(self) -> dict[str, Any]:
+        """Give what there is to remember beside the transitions."""
+        return {"added": self.added, "cleared": self.cleared}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Take a `state` back; the transitions are put back by whoever kept them."""
+        self.added, self.cleared = state["added"], state["cleared"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
@@ -19,6 +20,9 @@ def train(
         Path | None,
         typer.Option(help="Where the runs go, as seed_0, seed_1, ...; default runs/train/CONFIG."),
     ] = None,
+    together: Annotated[
+        bool, typer.Option("--together", help="All seeds at once, their parameters stacked.")
+    ] = False,
     threads: Annotated[int, typer.Option(min=1, help="Processor threads of torch.")] = 1,
 ) -> None:
     """Train policies; a run that was cut off goes on from its last checkpoint."""
@@ -31,6 +35,7 @@ def train(
     from twinscrew.runtime.settings import shipped
     from twinscrew.training import runs
     from twinscrew.training.logs import Progress
+    from twinscrew.training.loop import train as run
     from twinscrew.training.train import Training
     from twinscrew.training.train_settings import load_training, parse_seeds
 
@@ -44,7 +49,11 @@ def train(
         raise ConfigError("no checkpoint to resume from", file=resume)
     torch.set_num_threads(threads)
     steps = sum(phase.steps for phase in settings.phases)
-    for seed in chosen:
-        place = folder / f"seed_{seed}"
-        with runs.locked(place), Progress(f"{file.stem} seed {seed}", steps) as progress:
-            Training(settings, seed, place, device).run(progress)
+    for group in [chosen] if together else [[seed] for seed in chosen]:
+        with ExitStack() as held:
+            places = [folder / f"seed_{seed}" for seed in group]
+            for place in places:
+                held.enter_context(runs.locked(place))
+            progress = held.enter_context(Progress(file.stem, steps))
+            pairs = zip(group, places, strict=True)
+            run([Training(settings, seed, place, device) for seed, place in pairs], progress)

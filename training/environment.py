@@ -128,7 +128,7 @@ class VectorEnv:
     episodes
         E: how many slots.
     seed
-        Of everything random; non-negative.
+        Of everything random; non-negative. Several: as many slots for each, one seed after another.
     first_slot
         The number of the first slot: slots are numbered on from here, and a slot's number alone
         (with the seed) determines its episodes.
@@ -145,18 +145,20 @@ class VectorEnv:
         self,
         settings: EnvironmentSettings | None = None,
         episodes: int = 64,
-        seed: int = 0,
+        seed: int | Sequence[int] = 0,
         *,
         first_slot: int = 0,
         auto_reset: bool = True,
     ) -> None:
         self.settings = settings = settings or EnvironmentSettings()
-        _check(settings, episodes, seed)
-        self.episodes, self.seed, self.auto_reset = episodes, seed, auto_reset
+        seeds = [seed] if isinstance(seed, int) else list(seed)
+        _check(settings, episodes, seeds)
+        numbers = range(first_slot, first_slot + episodes)
+        self._slots = [(one, number) for one in seeds for number in numbers]
+        self.episodes, self.auto_reset = len(self._slots), auto_reset
         self.vessels, self.buoys = settings.shape
-        self._slots = range(first_slot, first_slot + episodes)
         self.set_weights([row.weight for row in settings.scenarios])
-        self._pool = Pool(self._begin, episodes, AHEAD if auto_reset else 1)
+        self._pool = Pool(self._begin, self.episodes, AHEAD if auto_reset else 1)
         self._allocate()
 
     @property
@@ -256,7 +258,7 @@ class VectorEnv:
 
     def _streams(self, stream: Stream) -> list[Generator]:
         """Give every slot's generator for one purpose."""
-        return [slot_stream(self.seed, slot, stream) for slot in self._slots]
+        return [slot_stream(seed, slot, stream) for seed, slot in self._slots]
 
     def _move(self, action: NDArray[np.floating]) -> None:
         """Change the thrusts and sail through the sub-steps of a decision."""
@@ -361,8 +363,10 @@ class VectorEnv:
         """Draw episodes, by slot and number, with all that depends on them alone."""
         s, vessels, buoys = self.settings, self.vessels, self.buoys
         generators = [
-            episode_stream(self.seed, self._slots[slot], number)
-            for slot, number in zip(slots.tolist(), numbers.tolist(), strict=True)
+            episode_stream(seed, slot, number)
+            for (seed, slot), number in zip(
+                [self._slots[k] for k in slots], numbers.tolist(), strict=True
+            )
         ]
         row = np.searchsorted(self._cumulative, [g.random() for g in generators], side="right")
         scenario = scenarios.sample(s.scenarios, row, s.map, generators, (vessels, buoys))
@@ -384,13 +388,14 @@ class VectorEnv:
         return Beginning(scenario, ego * there, objects * there[..., None], mask * there, chance)
 
 
-def _check(settings: EnvironmentSettings, episodes: int, seed: int) -> None:
+def _check(settings: EnvironmentSettings, episodes: int, seeds: Sequence[int]) -> None:
     """Refuse settings that contradict each other."""
     scenarios.check(settings.scenarios, settings.map)
     if episodes < 1:
         raise ConfigError(f"must be at least 1, got {episodes}", key="episodes")
-    if not 0 <= seed < 2**63:
-        raise ConfigError(f"must be in [0, 2^63), got {seed}", key="seed")
+    if not seeds or not all(0 <= seed < 2**63 for seed in seeds):
+        got = ", ".join(map(str, seeds)) or "none"
+        raise ConfigError(f"must be in [0, 2^63), got {got}", key="seed")
     if abs(settings.substeps * settings.substep_s - settings.period_s) > 1e-9:
         raise ConfigError(
             f"must be a multiple of substep_s {settings.substep_s}, got {settings.period_s}",

@@ -18,9 +18,10 @@ from twinscrew.training.validate import Score
 class Logs:
     """The log of one run directory."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, step: int = 0) -> None:
+        """Log a run that goes on from an environment step."""
         self._file = folder / runs.LOG
-        self._board = SummaryWriter(str(folder / "tensorboard"))
+        self._board = SummaryWriter(str(folder / "tensorboard"), purge_step=step + 1)
 
     def __enter__(self) -> Self:
         return self
@@ -77,9 +78,9 @@ class Progress:
         """Say how far the run is."""
         self._bar.update(self._task, completed=step)
 
-    def report(self, step: int, score: Score) -> None:
+    def report(self, seed: int, step: int, score: Score) -> None:
         """Say how good the policy is; as a line of its own where there is no terminal."""
         words = f"{score.success:.1%} in {score.travel_time_s:.1f} s"
         self._bar.update(self._task, score=words)
         if not self._console.is_terminal:
-            self._console.print(f"{self._title}: step {step}: {words}", highlight=False)
+            self._console.print(f"{self._title} seed {seed}: step {step}: {words}", highlight=False)

@@ -9,19 +9,28 @@ import torch
 from torch import Tensor
 
 
-def stratified_fractions(count: int, generator: torch.Generator, *, upper: float = 1.0) -> Tensor:
-    """Draw quantile fractions, (count,), one in each of `count` equal parts of [0, upper].
+def stratified_fractions(count: int, generator: torch.Generator) -> Tensor:
+    """Draw quantile fractions, (count,), one in each of `count` equal parts of [0, 1].
 
-    Their mean has far less variance than that of independent draws. `upper` < 1 keeps to the worst
-    share of the returns: the mean of the quantiles is then their conditional value at risk (CVaR).
+    Their mean has far less variance than that of independent draws. Multiplied by alpha they keep
+    to the worst share of the returns: the mean of the quantiles is then their CVaR.
     """
     offset = torch.rand(count, generator=generator)
-    return (torch.arange(count) + offset) * (upper / count)
+    return (torch.arange(count) + offset) / count
 
 
 def uniform_fractions(batch: int, count: int, generator: torch.Generator) -> Tensor:
     """Draw quantile fractions, (batch, count), each from U([0, 1]) (paper, alg. 2)."""
     return torch.rand(batch, count, generator=generator)
+
+
+def draw_fractions(
+    batch: int, count: int, generator: torch.Generator, *, stratified: bool
+) -> Tensor:
+    """Draw fractions as a learner is told: (count,) for all samples, or (batch, count)."""
+    if stratified:
+        return stratified_fractions(count, generator)
+    return uniform_fractions(batch, count, generator)
 
 
 def worst_share(risk: Tensor, count: int) -> Tensor:

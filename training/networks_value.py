@@ -148,16 +148,11 @@ class DuelingDistribution(nn.Module):
         self.advantage_hidden = NoisyLinear(hidden, hidden, sigma0)
         self.advantage = NoisyLinear(hidden, actions * atoms, sigma0)
 
-    @property
-    def noisy(self) -> tuple[NoisyLinear, ...]:
-        """The layers with noise."""
-        return self.value_hidden, self.value, self.advantage_hidden, self.advantage
-
     def forward(self, seen: Seen) -> Tensor:
         """Give log probabilities (B, A, K)."""
         features = torch.relu(self.hidden(self.encoder(seen)))
-        value = self.value(torch.relu(self.value_hidden(features)))[:, None, :]
-        advantage = self.advantage(torch.relu(self.advantage_hidden(features)))
+        value = self.value(torch.relu(self.value_hidden(features))).float()[:, None, :]
+        advantage = self.advantage(torch.relu(self.advantage_hidden(features))).float()
         advantage = advantage.view(-1, *self.shape)
         logits = value + advantage - advantage.mean(1, keepdim=True)
         return torch.log_softmax(logits, dim=2)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from twinscrew.runtime.messages.types import Float32
 
 Bool = NDArray[np.bool_]
+Slots = NDArray[np.intp]
 
 
 class Step(NamedTuple):
@@ -44,14 +45,15 @@ class NStep:
         self._steps: deque[Step] = deque(maxlen=steps)
         self._length = np.zeros(slots, dtype=np.int64)
 
-    def push(self, step: Step) -> Float32:
-        """Take one step and give the transitions that are now complete, (K, 78)."""
+    def push(self, step: Step) -> tuple[Float32, Slots]:
+        """Take one step; give the transitions that are now complete, (K, 78), and their slots."""
         self._steps.append(step)
         self._length = np.where(step.active, self._length + 1, 0)
         done = step.terminated | step.truncated
         going_on = np.where(step.terminated, 0.0, 1.0)
         reward = np.zeros(len(step.reward))
         complete: list[Float32] = []
+        slots: list[Slots] = []
         for back, start in enumerate(reversed(self._steps)):
             reward = start.reward + self.discount * reward
             oldest = back + 1 == self._steps.maxlen
@@ -64,5 +66,6 @@ class NStep:
                 step.next_observation[ready],
             ]
             complete.append(np.concatenate(parts, axis=1, dtype=np.float32))
+            slots.append(ready)
         self._length[done] = 0
-        return np.concatenate(complete)
+        return np.concatenate(complete), np.concatenate(slots)

@@ -33,7 +33,7 @@ def pack(observations: Observations) -> Tensor:
 
 
 def unpack(rows: Tensor) -> Observations:
-    """Undo `pack`: (B, 37) to observations."""
+    """Undo `pack`: (..., B, 37) to observations."""
     width = OBSERVED_OBJECTS * OBJECT_COLUMNS
-    ego, objects, mask = torch.split(rows, [EGO_COLUMNS, width, OBSERVED_OBJECTS], dim=1)
-    return Observations(ego, objects.reshape(-1, OBSERVED_OBJECTS, OBJECT_COLUMNS), mask)
+    ego, objects, mask = torch.split(rows, [EGO_COLUMNS, width, OBSERVED_OBJECTS], dim=-1)
+    return Observations(ego, objects.reshape(*mask.shape, OBJECT_COLUMNS), mask)

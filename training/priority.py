@@ -6,11 +6,13 @@ its place in the block, for the whole batch at once.
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from torch import Tensor
 
 from twinscrew.runtime.settings import Fraction, NonNegative, Settings
-from twinscrew.training.buffer import Batch, ReplayBuffer, split_rows
+from twinscrew.training.buffer import Drawn, ReplayBuffer
 
 BLOCK = 1024
 """[-] Transitions in a block; about the root of a million."""
@@ -57,7 +59,7 @@ class PrioritisedReplay(ReplayBuffer):
         self._assign(places, torch.full((len(places),), self._greatest, dtype=torch.float64))
         return places
 
-    def sample(self, count: int, generator: torch.Generator) -> Batch:
+    def sample(self, count: int, generator: torch.Generator) -> Drawn:
         """Draw `count` transitions by priority, with weights (N P)^-beta, the greatest 1."""
         ends = self._sums.cumsum(0)
         aim = torch.rand(count, generator=generator, dtype=torch.float64) * ends[-1]
@@ -68,8 +70,19 @@ class PrioritisedReplay(ReplayBuffer):
         places = (block * BLOCK + column).clamp(max=len(self) - 1)
         share = self._priority.view(-1)[places] / ends[-1]
         weight = (len(self) * share).clamp(min=_LEAST) ** -self.correction
-        batch = split_rows(self.rows[places])
-        return batch._replace(weight=(weight / weight.max()).float(), places=places)
+        return Drawn(self.rows[places], (weight / weight.max()).float(), places)
+
+    def state(self) -> dict[str, Any]:
+        """Give priorities too."""
+        used = self._priority.view(-1)[: len(self)].clone()
+        told = {"priority": used, "greatest": self._greatest, "correction": self.correction}
+        return super().state() | told
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Take a `state` back."""
+        super().restore(state)
+        self._greatest, self.correction = state["greatest"], state["correction"]
+        self._assign(torch.arange(len(self)), state["priority"])
 
     def reprioritise(self, places: Tensor, losses: Tensor) -> None:
         """Set priorities from the losses, (B,), that an update gave."""

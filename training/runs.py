@@ -87,7 +87,7 @@ def claim(
         before["settings"] = complete(before["settings"])
         if _up_to(before, begun) != _up_to(now, begun):
             raise ConfigError("holds a run of another configuration or seed", file=folder)
-    _replace(file, lambda out: out.write(text.encode()))
+    replace_file(file, lambda out: out.write(text.encode()))
 
 
 def _up_to(told: dict[str, Any], phases: int) -> dict[str, Any]:
@@ -104,11 +104,17 @@ def save_checkpoint(file: Path, algorithm: str, content: Mapping[str, Any]) -> N
         It cannot be written; what was there before is untouched.
     """
     whole = {"format": FORMAT, "algorithm": algorithm, **content}
-    _replace(file, lambda out: torch.save(whole, out))
+    replace_file(file, lambda out: torch.save(whole, out))
 
 
-def _replace(file: Path, write: Callable[[BinaryIO], object]) -> None:
-    """Write beside a file, then take its place."""
+def replace_file(file: Path, write: Callable[[BinaryIO], object]) -> None:
+    """Write beside a file, then take its place.
+
+    Raises
+    ------
+    TwinscrewError
+        It cannot be written; what was there before is untouched.
+    """
     part = file.with_name(f".{file.name}.part")
     try:
         with part.open("wb") as out:
@@ -162,6 +168,13 @@ def append_record(file: Path, record: Mapping[str, Any]) -> None:
             log.write(line + "\n")
     except OSError as error:
         raise TwinscrewError(f"{file}: cannot be written: {error.strerror}") from error
+
+
+def trim_log(file: Path, step: int) -> None:
+    """Drop the records of a log that lie beyond a step: a run goes on from there."""
+    kept = [record for record in read_records(file) if record.get("step", 0) <= step]
+    text = "".join(json.dumps(record, allow_nan=True) + "\n" for record in kept)
+    replace_file(file, lambda out: out.write(text.encode()))
 
 
 def read_records(file: Path) -> list[dict[str, Any]]:

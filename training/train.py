@@ -1,10 +1,11 @@
-"""The training loop: gather, learn, log, evaluate, checkpoint; the same for every agent."""
+"""One seed's run: what it holds, how it is logged, evaluated, saved and taken up again."""
 
 from __future__ import annotations
 
 import json
 import platform
-import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,112 +13,102 @@ import msgspec
 import torch
 
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.messages.types import Float32
 from twinscrew.runtime.settings import convert
 from twinscrew.training import runs
 from twinscrew.training.agents.base import Metrics
 from twinscrew.training.agents.registry import algorithm, make_agent
-from twinscrew.training.buffer import Batch, ReplayBuffer, to_device
-from twinscrew.training.collect import Collector
-from twinscrew.training.logs import Logs, Progress
+from twinscrew.training.buffer import Drawn, ReplayBuffer
+from twinscrew.training.logs import Logs
 from twinscrew.training.priority import PrioritisedReplay
-from twinscrew.training.train_settings import Phase, TrainSettings, phase_settings
+from twinscrew.training.replay_files import ReplayFiles
+from twinscrew.training.train_settings import PhaseSettings, TrainSettings, phase_settings
 from twinscrew.training.validate import NetworkPolicy, Score, validate
 
 
 class Training:
-    """One seed's run in its directory."""
+    """One seed's run in its directory: its agent, its replay, and how far it is."""
 
     def __init__(self, settings: TrainSettings, seed: int, folder: Path, device: str) -> None:
         self.settings, self.seed, self.folder, self.device = settings, seed, folder, device
         self.agent = make_agent(settings.agent, seed, device)
         self.replay = make_replay(settings)
+        self._files = ReplayFiles(folder, self.replay)
         self.generator = torch.Generator().manual_seed(seed)
         self.phase = 0
         self.phase_step = 0
         self.step = 0
-        self.updates = 0.0
+        self.due = 0.0
         self.transitions = 0
         self.seconds = 0.0
         self.best: float | None = None
 
-    def run(self, progress: Progress) -> None:
-        """Train to the end of the last phase, from the run directory's checkpoint if it has one."""
+    @contextmanager
+    def opened(self) -> Iterator[None]:
+        """Claim the directory, go on from its checkpoint if it has one, and log."""
         told = {"seed": self.seed, "settings": msgspec.to_builtins(self.settings)}
         runs.claim(self.folder, told, algorithm(self.settings.agent), complete)
         resumed = (self.folder / runs.CHECKPOINT).exists()
         if resumed:
             self._restore()
-        with Logs(self.folder) as logs:
+            runs.trim_log(self.folder / runs.LOG, self.step)
+        with Logs(self.folder, self.step) as self._logs:
             if not resumed:
-                logs.write("start", seed=self.seed, machine=machine(), device=self.device)
-            for number in range(self.phase, len(self.settings.phases)):
-                if number > self.phase:
-                    self.phase, self.phase_step = number, 0
-                self._run_phase(self.settings.phases[number], logs, progress)
-            logs.write("end", step=self.step, seconds=round(self.seconds, 1))
+                self._logs.write("start", seed=self.seed, machine=machine(), device=self.device)
+            yield
+            self._logs.write("end", step=self.step, seconds=round(self.seconds, 1))
 
-    def _run_phase(self, phase: Phase, logs: Logs, progress: Progress) -> None:
-        s = self.settings
-        told = phase_settings(s, phase)
+    def enter(self, number: int) -> PhaseSettings:
+        """Begin a phase, or go on in it."""
+        phase = self.settings.phases[number]
+        if number > self.phase:
+            self.phase, self.phase_step = number, 0
+            if not phase.keep_replay:
+                self.replay.clear()
+        told = phase_settings(self.settings, phase)
         self.agent.retune(told.agent)
-        if not phase.keep_replay:
-            self.replay.clear()
-        collector = Collector(s, told, self.seed, self.step)
-        started = time.monotonic() - self.seconds
-        metrics: Metrics = {}
-        while self.phase_step < phase.steps:
-            self._gather(collector)
-            metrics = self._learn(self.phase_step / phase.steps) or metrics
-            self.seconds = time.monotonic() - started
-            progress.advance(self.step)
-            if metrics and self.step % s.log_every == 0:
-                logs.write("train", **self._where(), **_numbers(metrics))
-            if self.step % s.evaluate_every == 0 or self.phase_step == phase.steps:
-                self._evaluate(logs, progress)
-                self.seconds = time.monotonic() - started
+        return told
 
-    def _gather(self, collector: Collector) -> None:
-        random = self.transitions < self.settings.warm_up
-        rows = collector.step(self.agent, self.step, random=random)
+    def take(self, rows: Float32) -> None:
+        """Keep the transitions, (n, 78), of one more environment step."""
         self.replay.add(torch.from_numpy(rows))
         self.transitions += len(rows)
         self.step += 1
         self.phase_step += 1
 
-    def _learn(self, progress: float) -> Metrics:
-        metrics: Metrics = {}
-        if len(self.replay) < self.settings.warm_up:
-            return metrics
-        self.updates += self.settings.updates_per_step
-        while self.updates >= 1.0:
-            batch = self.replay.sample(self.settings.batch, self.generator)
-            metrics = self.agent.update(to_device(batch, self.agent.device), progress)
-            self._reprioritise(batch, metrics)
-            self.updates -= 1.0
-        return metrics
+    def draw(self) -> Drawn:
+        """Draw what an update learns from."""
+        return self.replay.sample(self.settings.batch, self.generator)
 
-    def _reprioritise(self, batch: Batch, metrics: Metrics) -> None:
+    def reprioritise(self, drawn: Drawn, metrics: Metrics) -> None:
         """Hand the losses of a batch back to a replay that draws by them."""
         losses = metrics.pop("priority", None)
-        if isinstance(self.replay, PrioritisedReplay) and batch.places is not None:
+        if isinstance(self.replay, PrioritisedReplay) and drawn.places is not None:
             if losses is None:
                 raise ConfigError(
                     "this agent gives no priorities; leave the table out", key="priority"
                 )
-            self.replay.reprioritise(batch.places, losses)
+            self.replay.reprioritise(drawn.places, losses)
             self.replay.advance(self.step / sum(phase.steps for phase in self.settings.phases))
 
-    def _evaluate(self, logs: Logs, progress: Progress) -> None:
+    def tell(self, metrics: Metrics) -> None:
+        """Log what an update told."""
+        numbers = {name: round(float(value), 5) for name, value in metrics.items()}
+        self._logs.write("train", **self._where(), **numbers)
+
+    def evaluate(self) -> Score:
+        """Evaluate, log, and write the checkpoints."""
         s = self.settings
         policy = NetworkPolicy(self.agent.deployed(s.radius_margin), s.environment.period_s)
         rough = phase_settings(s, s.phases[self.phase]).rough if s.rough_share > 0.0 else None
         score = validate(policy, s.evaluation_episodes, s.validation_seed, rough)
-        logs.write("evaluation", **self._where(), **score.record())
-        progress.report(self.step, score)
+        self._logs.write("evaluation", **self._where(), **score.record())
         if self.best is None or score.value > self.best:
             self.best = score.value
             self._save(runs.BEST, score)
-        self._save(runs.CHECKPOINT, score)
+        self._save(runs.CHECKPOINT, score, self._files.save() if s.save_replay else None)
+        self._files.tidy()
+        return score
 
     def _where(self) -> dict[str, Any]:
         name = self.settings.phases[self.phase].name
@@ -129,7 +120,7 @@ class Training:
             "seconds": round(self.seconds, 1),
         }
 
-    def _save(self, name: str, score: Score) -> None:
+    def _save(self, name: str, score: Score, replay: dict[str, Any] | None = None) -> None:
         content = {
             "agent": self.agent.state(),
             "generator": self.generator.get_state(),
@@ -139,7 +130,8 @@ class Training:
             "best": self.best,
             "score": json.dumps(score.record()),
             "where": self._where(),
-            "fraction": self.updates,
+            "fraction": self.due,
+            "replay": replay,
         }
         runs.save_checkpoint(self.folder / name, algorithm(self.settings.agent), content)
 
@@ -152,10 +144,12 @@ class Training:
             raise ConfigError("checkpoint of other networks", file=file) from error
         self.generator.set_state(content["generator"])
         self.phase, self.phase_step = content["phase"], content["phase_step"]
-        self.best, self.updates = content["best"], content["fraction"]
+        self.best, self.due = content["best"], content["fraction"]
         where = content["where"]
         self.step, self.transitions = where["step"], where["transitions"]
         self.seconds = where["seconds"]
+        if content.get("replay") is not None:
+            self._files.restore(content["replay"])
 
 
 def complete(settings: dict[str, Any]) -> dict[str, Any]:
@@ -184,7 +178,3 @@ def machine() -> str:
     names = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]
     processor = names[0] if names else platform.machine()
     return f"{processor}, {torch.get_num_threads()} thread(s), torch {torch.__version__}"
-
-
-def _numbers(metrics: Metrics) -> dict[str, float]:
-    return {name: round(float(value), 5) for name, value in metrics.items()}

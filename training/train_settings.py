@@ -59,7 +59,10 @@ class TrainSettings(Settings, frozen=True, kw_only=True):
     priority: PrioritySettings | None = None
     """Draw transitions by their loss; uniformly if this table is missing."""
     warm_up: Count = 20_000
-    """[transitions] Gathered before the first update, and again after a resume."""
+    """[transitions] Gathered before the first update, and after the replay was emptied."""
+    save_replay: bool = True
+    """Keep the replay beside the checkpoint, 312 bytes a transition: a run that was cut off then
+    goes on as if it had not been. Else it gathers `warm_up` transitions anew."""
     n_steps: Count = 3
     """[decisions] Rewards summed before the value of what follows is asked."""
     discount: Fraction = 0.99

@@ -9,6 +9,7 @@ import torch
 from twinscrew.runtime.settings import CONFIG_DIR
 from twinscrew.training import runs
 from twinscrew.training.logs import Progress
+from twinscrew.training.loop import train
 from twinscrew.training.train import Training
 from twinscrew.training.train_settings import Phase, load_training
 
@@ -33,7 +34,7 @@ def test_it_gathers_learns_evaluates_and_saves(file, tmp_path):
     )
     with Progress("test", 30) as progress:
         training = Training(settings, 0, tmp_path, "cpu")
-        training.run(progress)
+        train([training], progress)
     records = runs.read_records(tmp_path / runs.LOG)
     losses = [record["critic_loss"] for record in records if record["event"] == "train"]
     assert losses

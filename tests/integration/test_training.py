@@ -10,8 +10,10 @@ import pytest
 import torch
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.training import runs
+from twinscrew.training import runs, validate
 from twinscrew.training.logs import Progress
+from twinscrew.training.loop import train
+from twinscrew.training.settings_table import six_settings
 from twinscrew.training.train import Training
 from twinscrew.training.train_settings import load_training
 
@@ -53,13 +55,19 @@ def trained(folder, file, seed=0):
     settings = load_training(file)
     with runs.locked(folder), Progress("test", 60) as progress:
         training = Training(settings, seed, folder, "cpu")
-        training.run(progress)
+        train([training], progress)
     return training
 
 
 @pytest.fixture(autouse=True)
 def _one_thread():
     torch.set_num_threads(1)
+
+
+@pytest.fixture
+def _one_setting(monkeypatch):
+    """Validate in the first of the six settings alone: what is tested lies elsewhere."""
+    monkeypatch.setattr(validate, "six_settings", lambda: six_settings()[:1])
 
 
 def weights(training):
@@ -111,6 +119,72 @@ def test_a_directory_of_another_configuration_is_refused(tmp_path):
         trained(tmp_path / "run", written(tmp_path, second=30))
     with pytest.raises(ConfigError, match="another configuration or seed"):
         trained(tmp_path / "run", written(tmp_path), seed=5)
+
+
+class KilledError(Exception):
+    """What ends a run in the middle of things."""
+
+
+def log_of(folder):
+    """The records of a run, without the times of the clock."""
+    log = runs.read_records(folder / runs.LOG)
+    return [{k: v for k, v in r.items() if k not in ("time", "seconds")} for r in log]
+
+
+@pytest.mark.usefixtures("_one_setting")
+@pytest.mark.parametrize("killed_at", [27, 47])
+def test_a_run_that_was_cut_off_becomes_the_run_that_was_not(tmp_path, killed_at, monkeypatch):
+    file = written(tmp_path)
+    whole = trained(tmp_path / "whole", file)
+    take = Training.take
+
+    def stumble(self, rows):
+        take(self, rows)
+        if self.step == killed_at:
+            raise KilledError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Training, "take", stumble)
+        with pytest.raises(KilledError):
+            trained(tmp_path / "cut", file)
+    again = trained(tmp_path / "cut", file)
+    assert torch.equal(weights(again), weights(whole))
+    assert torch.equal(again.replay.rows, whole.replay.rows)
+    assert log_of(tmp_path / "cut") == log_of(tmp_path / "whole")
+
+
+@pytest.mark.usefixtures("_one_setting")
+def test_seeds_that_train_together_become_those_that_train_alone(tmp_path):
+    file = written(tmp_path)
+    file.write_text(file.read_text().replace("[agent]", "[agent]\nbfloat16 = false"))
+    alone = [trained(tmp_path / f"alone_{seed}", file, seed) for seed in (0, 1)]
+    settings = load_training(file)
+    both = [Training(settings, seed, tmp_path / f"seed_{seed}", "cpu") for seed in (0, 1)]
+    for one in both:
+        one.folder.mkdir()
+    with Progress("test", 60) as progress:
+        train(both, progress)
+    for one, other in zip(alone, both, strict=True):
+        assert one.agent.updates == other.agent.updates > 10
+        assert torch.allclose(weights(one), weights(other), atol=1e-4)
+        rates = [
+            [r["rates"] for r in log_of(run.folder) if r["event"] == "evaluation"]
+            for run in (one, other)
+        ]
+        assert rates[0] == rates[1]
+    first = trained(tmp_path / "seed_0", file)  # each is a run of its own, that can go on alone
+    assert first.step == 60
+
+
+@pytest.mark.usefixtures("_one_setting")
+def test_runs_that_are_not_equally_far_do_not_train_together(tmp_path):
+    file = written(tmp_path)
+    trained(tmp_path / "seed_0", file)
+    (tmp_path / "seed_1").mkdir()
+    settings = load_training(file)
+    both = [Training(settings, seed, tmp_path / f"seed_{seed}", "cpu") for seed in (0, 1)]
+    with pytest.raises(ConfigError, match="not equally far"), Progress("test", 60) as progress:
+        train(both, progress)
 
 
 def test_a_killed_run_goes_on_from_its_last_checkpoint(tmp_path):

@@ -11,7 +11,6 @@ each is given a level drawn anew, whatever level gathered it.
 
 from __future__ import annotations
 
-import copy
 from typing import Annotated
 
 import torch
@@ -20,35 +19,19 @@ from torch import Tensor
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.settings import Count, Positive
-from twinscrew.training.agents.base import (
-    Agent,
-    AgentSettings,
-    Metrics,
-    Rate,
-    adam,
-    anneal,
-    blend,
-    descend,
-    wide,
-)
+from twinscrew.training.agents.actor_critic import ActorSettings, DeterministicAgent
+from twinscrew.training.agents.base import Draws, Lesson, Metrics, Rate
+from twinscrew.training.agents.steps import wide
 from twinscrew.training.buffer import Batch
-from twinscrew.training.encoders import Seen, heed
-from twinscrew.training.losses import (
-    quantile_huber,
-    stratified_fractions,
-    td_target,
-    uniform_fractions,
-    worst_share,
-)
-from twinscrew.training.networks import ACTIONS, Actor, Pilot, make_quantile_critic
+from twinscrew.training.encoders import heed
+from twinscrew.training.losses import draw_fractions, quantile_huber, td_target, worst_share
+from twinscrew.training.networks import Actor, Pilot, make_quantile_critic
 from twinscrew.training.observations import Observations
 
 
-class AcIqnSettings(AgentSettings, frozen=True, tag_field="algorithm", tag="ac_iqn"):
+class AcIqnSettings(ActorSettings, frozen=True, tag_field="algorithm", tag="ac_iqn"):
     """AC-IQN."""
 
-    actor_rate: Positive = 3e-4
-    """[-] Adam's step for the actor, at the start."""
     fractions: Count = 8
     """[-] N = N': quantile fractions in a loss (paper: 8)."""
     stratified: bool = True
@@ -68,29 +51,15 @@ class AcIqnSettings(AgentSettings, frozen=True, tag_field="algorithm", tag="ac_i
             raise ValueError("risk_levels needs stratified fractions, a multiple of it in number")
 
 
-class AcIqn(Agent[AcIqnSettings]):
+class AcIqn(DeterministicAgent[AcIqnSettings]):
     """The learner of algorithm 2."""
 
     def __init__(self, settings: AcIqnSettings, seed: int, device: str = "cpu") -> None:
         super().__init__(settings, seed, device)
         self.risk_levels = settings.risk_levels
         extra = 1 if self.risk_levels else 0
-        self.actor = Actor(settings.network, extra).to(self.device)
-        self.critic = make_quantile_critic(settings.network, extra).to(self.device)
-        self.target_actor = copy.deepcopy(self.actor)
-        self.target_critic = copy.deepcopy(self.critic)
-        self.average_actor = copy.deepcopy(self.actor)
-        self.actor_optimizer = adam(self.actor, settings.actor_rate)
-        self.critic_optimizer = adam(self.critic, settings.learning_rate)
-        self.keep(
-            actor=self.actor,
-            critic=self.critic,
-            target_actor=self.target_actor,
-            target_critic=self.target_critic,
-            average_actor=self.average_actor,
-            actor_optimizer=self.actor_optimizer,
-            critic_optimizer=self.critic_optimizer,
-        )
+        actor = Actor(settings.network, extra)
+        self.furnish(actor, make_quantile_critic(settings.network, extra))
 
     def act(
         self, observations: Observations, *, explore: bool, risk: Tensor | None = None
@@ -100,65 +69,53 @@ class AcIqn(Agent[AcIqnSettings]):
             risk = torch.full((1, 1), self.settings.risk, device=self.device)
         return super().act(observations, explore=explore, risk=risk)
 
-    def choose(self, seen: Seen, *, explore: bool) -> Tensor:
-        """Give the actor's actions, (B, 2); exploration is added outside."""
-        actor = self.actor if explore else self.average_actor
-        with wide(self.settings.bfloat16, self.device.type):
-            action: Tensor = actor(seen)
-        return action.float()
+    def chance(self, batch: int) -> Draws:
+        """Draw a risk level for each sample, if the agent is told of any, and the fractions."""
+        s, draws = self.settings, {}
+        if self.risk_levels:
+            level = torch.randint(1, self.risk_levels + 1, (batch, 1), generator=self.generator)
+            draws["risk"] = level / self.risk_levels
+        for name in ("target", "critic", "actor"):
+            draws[name] = draw_fractions(
+                batch, s.fractions, self.generator, stratified=s.stratified
+            )
+        if not self.risk_levels:
+            draws["actor"] *= s.risk  # the worst share alone
+        return draws
 
-    def random(self, count: int) -> Tensor:
-        """Give uniform actions, (count, 2) in [-1, 1]."""
-        return 2.0 * torch.rand(count, ACTIONS, generator=self.generator) - 1.0
+    def prepare(self, batch: Batch, draws: Draws) -> Lesson:
+        """Turn a batch into a lesson; its risk levels are seen like the rest."""
+        lesson = super().prepare(batch, draws)
+        if not self.risk_levels:
+            return lesson
+        told = [heed(seen, draws["risk"]) for seen in (lesson.seen, lesson.following)]
+        return lesson._replace(seen=told[0], following=told[1])
 
-    def update(self, batch: Batch, progress: float) -> Metrics:
-        """Take one step of algorithm 2."""
-        s = self.settings
-        anneal(self.critic_optimizer, s.learning_rate, s.final_rate, progress)
-        anneal(self.actor_optimizer, s.actor_rate, s.final_rate, progress)
-        seen, following = self.see(batch.observations), self.see(batch.next_observations)
-        risk = self._relabel(len(batch.action))
-        if risk is not None:
-            seen, following = heed(seen, risk), heed(following, risk)
-        critic_loss = self.critic_loss(batch, seen, following)
-        descend(self.critic_optimizer, critic_loss, self.critic.parameters(), s.gradient_norm)
-        self.critic.requires_grad_(False)
-        value = self.actor_value(seen, risk)
-        descend(self.actor_optimizer, -value, self.actor.parameters(), s.gradient_norm)
-        self.critic.requires_grad_(True)
-        self.updates += 1
-        if self.updates % s.target_every == 0:
-            blend(self.target_critic, self.critic, s.target_rate)
-            blend(self.target_actor, self.actor, s.target_rate)
-        blend(self.average_actor, self.actor, s.average_rate)
-        return {"critic_loss": critic_loss.detach(), "actor_value": value.detach()}
-
-    def critic_loss(self, batch: Batch, seen: Seen, following: Seen) -> Tensor:
+    def critic_loss(self, lesson: Lesson) -> tuple[Tensor, Metrics]:
         """Give the quantile Huber loss of Z against r + gamma Z'(s', pi'(s')) (alg. 2, line 2)."""
-        s = self.settings
+        s, fractions = self.settings, lesson.draws["critic"]
         with torch.no_grad(), wide(s.bfloat16, self.device.type):
-            action = self.target_actor(following)
-            value = self.target_critic(following, action, self._fractions(len(action)))
-        target = td_target(batch.reward, batch.discount, value.float())
-        fractions = self._fractions(len(action))
+            action = self.target_actor(lesson.following)
+            value = self.target_critic(lesson.following, action, lesson.draws["target"])
+        target = td_target(lesson.reward, lesson.discount, value.float())
         with wide(s.bfloat16, self.device.type):
-            quantiles = self.critic(seen, batch.action, fractions)
-        return quantile_huber(quantiles.float(), target, fractions, s.kappa).mean()
+            quantiles = self.critic(lesson.seen, lesson.action, fractions)
+        loss = quantile_huber(quantiles.float(), target, fractions, s.kappa).mean()
+        return loss, {"critic_loss": loss}
 
-    def actor_value(self, seen: Seen, risk: Tensor | None = None) -> Tensor:
+    def actor_value(self, lesson: Lesson) -> Tensor:
         """Give the mean of Z(s, pi(s)), or of its worst share (alg. 2, line 3).
 
-        The share is the settings' `risk`, or that of each sample, (B, 1).
+        The share is the settings' `risk`, which the fractions then keep to, or each sample's own.
         """
-        upper = self.settings.risk if risk is None else 1.0
-        fractions = self._fractions(len(seen.ego), upper=upper)
+        fractions = lesson.draws["actor"]
         with wide(self.settings.bfloat16, self.device.type):
-            quantiles = self.critic(seen, self.actor(seen), fractions).float()
-        if risk is None:
-            mean: Tensor = quantiles.mean()
-            return mean
-        value: Tensor = (quantiles * worst_share(risk, len(fractions))).sum(1).mean()
-        return value
+            quantiles = self.critic(lesson.seen, self.actor(lesson.seen), fractions).float()
+        if self.risk_levels:
+            quantiles = quantiles * worst_share(lesson.draws["risk"], fractions.shape[-1])
+            quantiles = quantiles.sum(1)
+        mean: Tensor = quantiles.mean()
+        return mean
 
     def retune(self, settings: AcIqnSettings) -> None:
         """Go on under other settings.
@@ -173,21 +130,6 @@ class AcIqn(Agent[AcIqnSettings]):
         super().retune(settings)
 
     def deployed(self, radius_margin: float) -> Pilot:
-        """Give the averaged actor."""
+        """Give the averaged actor, at the settings' risk level if it is told of any."""
         risk = self.settings.risk if self.risk_levels else None
         return Pilot(self.see, self.average_actor, radius_margin, risk)
-
-    def _relabel(self, batch: int) -> Tensor | None:
-        """Draw a level for each sample, (B, 1); None if there are none."""
-        if not self.risk_levels:
-            return None
-        level = torch.randint(1, self.risk_levels + 1, (batch, 1), generator=self.generator)
-        return (level / self.risk_levels).to(self.device)
-
-    def _fractions(self, batch: int, upper: float = 1.0) -> Tensor:
-        count = self.settings.fractions
-        if self.settings.stratified:
-            fractions = stratified_fractions(count, self.generator, upper=upper)
-        else:
-            fractions = uniform_fractions(batch, count, self.generator) * upper
-        return fractions.to(self.device)

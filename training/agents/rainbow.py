@@ -5,7 +5,6 @@ The n-step returns come from the loop (`n_steps`), the priorities from the repla
 
 from __future__ import annotations
 
-import copy
 from typing import Annotated
 
 import torch
@@ -13,21 +12,14 @@ from msgspec import Meta
 from torch import Tensor, nn
 
 from twinscrew.runtime.settings import Positive
-from twinscrew.training.agents.base import (
-    Agent,
-    AgentSettings,
-    Metrics,
-    adam,
-    anneal,
-    blend,
-    descend,
-)
-from twinscrew.training.agents.discrete import PAIRS, Greedy, action_number, random_pairs
-from twinscrew.training.buffer import Batch
+from twinscrew.training.agents.base import AgentSettings, Draws, Lesson, Metrics
+from twinscrew.training.agents.discrete import PAIRS, action_number
+from twinscrew.training.agents.steps import wide
+from twinscrew.training.agents.values import ValueAgent
 from twinscrew.training.encoders import Seen
 from twinscrew.training.losses import cross_entropy, project_distribution
 from twinscrew.training.networks import Pilot
-from twinscrew.training.networks_value import DuelingDistribution
+from twinscrew.training.networks_value import DuelingDistribution, NoisyLinear
 
 
 class RainbowSettings(AgentSettings, frozen=True, tag_field="algorithm", tag="rainbow"):
@@ -48,7 +40,7 @@ class MeanReturn(nn.Module):
 
     support: Tensor
 
-    def __init__(self, distribution: DuelingDistribution, support: Tensor) -> None:
+    def __init__(self, distribution: nn.Module, support: Tensor) -> None:
         super().__init__()
         self.distribution = distribution
         self.register_buffer("support", support, persistent=False)
@@ -59,72 +51,59 @@ class MeanReturn(nn.Module):
         return (logs.exp() * self.support).sum(2)
 
 
-class Rainbow(Agent[RainbowSettings]):
+class Rainbow(ValueAgent[RainbowSettings], online="online"):
     """The learner."""
-
-    continuous = False
 
     def __init__(self, settings: RainbowSettings, seed: int, device: str = "cpu") -> None:
         super().__init__(settings, seed, device)
         s = settings
         self.support = torch.linspace(s.support_min, s.support_max, s.atoms, device=self.device)
-        self.online = DuelingDistribution(s.network, PAIRS, s.atoms, s.sigma0).to(self.device)
-        self.target = copy.deepcopy(self.online)
-        self.average = copy.deepcopy(self.online)
-        self.optimizer = adam(self.online, s.learning_rate)
-        self.keep(
-            online=self.online, target=self.target, average=self.average, optimizer=self.optimizer
-        )
+        self.furnish(DuelingDistribution(s.network, PAIRS, s.atoms, s.sigma0))
 
-    def choose(self, seen: Seen, *, explore: bool) -> Tensor:
-        """Give greedy pairs, (B, 2), under fresh noise of the layers when exploring."""
-        network = self.online if explore else self.average
-        self._noise(network, draw=explore)
-        action: Tensor = self._greedy(network)(seen)
-        return action
+    def values(self, network: nn.Module) -> nn.Module:
+        """Give the mean of the network's distribution."""
+        return MeanReturn(network, self.support)
 
-    def random(self, count: int) -> Tensor:
-        """Give random pairs, (count, 2)."""
-        return random_pairs(count, self.generator)
+    def chance(self, batch: int) -> Draws:  # noqa: ARG002
+        """Draw the noise of the network's and the target's layers, which keep it."""
+        for network in (self.network, self.target):
+            for layer in noisy(network):
+                layer.draw(self.generator)
+        return {}
 
-    def update(self, batch: Batch, progress: float) -> Metrics:
-        """Take one step; `priority`, (B,), is for the replay."""
-        s = self.settings
-        anneal(self.optimizer, s.learning_rate, s.final_rate, progress)
-        for network in (self.online, self.target):
-            self._noise(network, draw=True)
-        losses = self.losses(batch)
-        weight = batch.weight if batch.weight is not None else torch.ones_like(losses)
-        loss = (weight * losses).mean()
-        descend(self.optimizer, loss, self.online.parameters(), s.gradient_norm)
-        self.updates += 1
-        if self.updates % s.target_every == 0:
-            blend(self.target, self.online, s.target_rate)
-        blend(self.average, self.online, s.average_rate)
-        return {"critic_loss": loss.detach(), "priority": losses.detach()}
+    def acting_chance(self, count: int) -> Draws:  # noqa: ARG002
+        """Draw the noise of the network's layers: it explores."""
+        for layer in noisy(self.network):
+            layer.draw(self.generator)
+        return {}
 
-    def losses(self, batch: Batch) -> Tensor:
+    def loss(self, lesson: Lesson) -> tuple[Tensor, Metrics]:
+        """Give the weighted mean of the samples' losses, which are their new priorities."""
+        losses = self.losses(lesson)
+        loss = (lesson.weight * losses).mean()
+        return loss, {"critic_loss": loss, "priority": losses}
+
+    def losses(self, lesson: Lesson) -> Tensor:
         """Give each sample's cross entropy, (B,), against the projected next distribution."""
-        seen, following = self.see(batch.observations), self.see(batch.next_observations)
-        rows = torch.arange(len(batch.action))
-        with torch.no_grad():
-            best = (self.online(following).exp() * self.support).sum(2).argmax(1)
-            after = self.target(following)[rows, best].exp()
-            goal = project_distribution(after, batch.reward, batch.discount, self.support)
-        chosen = self.online(seen)[rows, action_number(batch.action)]
-        return cross_entropy(chosen, goal)
+        rows = torch.arange(len(lesson.action), device=self.device)
+        with torch.no_grad(), wide(self.settings.bfloat16, self.device.type):
+            choice = self.network(lesson.following).float()
+            after = self.target(lesson.following).float()
+        best = (choice.exp() * self.support).sum(2).argmax(1)
+        target = project_distribution(
+            after[rows, best].exp(), lesson.reward, lesson.discount, self.support
+        )
+        with wide(self.settings.bfloat16, self.device.type):
+            logs = self.network(lesson.seen)
+        return cross_entropy(logs.float()[rows, action_number(lesson.action)], target)
 
     def deployed(self, radius_margin: float) -> Pilot:
         """Give the greedy policy of the averaged network, without its noise."""
-        self._noise(self.average, draw=False)
-        return Pilot(self.see, self._greedy(self.average), radius_margin)
+        for layer in noisy(self.average):
+            layer.quiet()
+        return super().deployed(radius_margin)
 
-    def _greedy(self, network: DuelingDistribution) -> Greedy:
-        return Greedy(MeanReturn(network, self.support))
 
-    def _noise(self, network: DuelingDistribution, *, draw: bool) -> None:
-        for layer in network.noisy:
-            if draw:
-                layer.draw(self.generator)
-            else:
-                layer.quiet()
+def noisy(network: nn.Module) -> list[NoisyLinear]:
+    """Give the layers with noise."""
+    return [layer for layer in network.modules() if isinstance(layer, NoisyLinear)]

@@ -9,28 +9,18 @@ import torch
 from torch import Tensor, nn
 
 from twinscrew.runtime.settings import Positive
-from twinscrew.training.agents.base import (
-    Agent,
-    AgentSettings,
-    Metrics,
-    adam,
-    anneal,
-    blend,
-    descend,
-    wide,
-)
-from twinscrew.training.buffer import Batch
+from twinscrew.training.agents.actor_critic import ActorAgent, ActorSettings
+from twinscrew.training.agents.base import Descent, Draws, Lesson, Metrics
+from twinscrew.training.agents.steps import adam, wide
 from twinscrew.training.encoders import Seen
 from twinscrew.training.losses import huber, td_target
 from twinscrew.training.networks import ACTIONS, Pilot, squash
 from twinscrew.training.networks_value import ActionCritic, GaussianActor
 
 
-class SacSettings(AgentSettings, frozen=True, tag_field="algorithm", tag="sac"):
+class SacSettings(ActorSettings, frozen=True, tag_field="algorithm", tag="sac"):
     """SAC."""
 
-    actor_rate: Positive = 3e-4
-    """[-] Adam's step for the actor and the temperature, at the start."""
     temperature: Positive = 0.078
     """[-] alpha: what an entropy of 1 is worth; its start if it is learnt."""
     learn_temperature: bool = True
@@ -73,8 +63,10 @@ class Temperature(nn.Module):
         self.log = nn.Parameter(torch.tensor(math.log(alpha)))
 
 
-class Sac(Agent[SacSettings]):
+class Sac(ActorAgent[SacSettings]):
     """The learner."""
+
+    targets = (("target_critics", "critics"),)
 
     def __init__(self, settings: SacSettings, seed: int, device: str = "cpu") -> None:
         super().__init__(settings, seed, device)
@@ -85,79 +77,77 @@ class Sac(Agent[SacSettings]):
         self.target_critics = copy.deepcopy(self.critics)
         self.average_actor = copy.deepcopy(self.actor)
         self.temperature = Temperature(settings.temperature).to(self.device)
-        self.actor_optimizer = adam(self.actor, settings.actor_rate)
-        self.critic_optimizer = adam(self.critics, settings.learning_rate)
-        self.temperature_optimizer = adam(self.temperature, settings.actor_rate)
         self.keep(
             actor=self.actor,
             critics=self.critics,
             target_critics=self.target_critics,
             average_actor=self.average_actor,
             temperature=self.temperature,
-            actor_optimizer=self.actor_optimizer,
-            critic_optimizer=self.critic_optimizer,
-            temperature_optimizer=self.temperature_optimizer,
+            actor_optimizer=adam(self.actor, settings.actor_rate),
+            critic_optimizer=adam(self.critics, settings.learning_rate),
+            temperature_optimizer=adam(self.temperature, settings.actor_rate),
         )
 
-    def choose(self, seen: Seen, *, explore: bool) -> Tensor:
+    def choose(self, seen: Seen, draws: Draws, *, explore: bool) -> Tensor:
         """Give sampled actions, (B, 2), when exploring, else squashed means."""
-        return self.sample(seen)[0] if explore else squash(self.average_actor(seen)[0])
+        if explore:
+            return self.sample(seen, draws["white"])[0]
+        return squash(self.average_actor(seen)[0])
 
-    def random(self, count: int) -> Tensor:
-        """Give uniform actions, (count, 2) in [-1, 1]."""
-        return 2.0 * torch.rand(count, ACTIONS, generator=self.generator) - 1.0
+    def acting_chance(self, count: int) -> Draws:
+        """Draw white noise for the actions."""
+        return {"white": self._white(count)}
 
-    def sample(self, seen: Seen) -> tuple[Tensor, Tensor]:
-        """Draw actions, (B, 2), with their log densities, (B,); gradients flow through both."""
+    def chance(self, batch: int) -> Draws:
+        """Draw white noise for the actions that follow, and for those of the actor's step."""
+        return {"following": self._white(batch), "seen": self._white(batch)}
+
+    def _white(self, count: int) -> Tensor:
+        return torch.randn((count, ACTIONS), generator=self.generator)
+
+    def sample(self, seen: Seen, white: Tensor) -> tuple[Tensor, Tensor]:
+        """Give actions, (B, 2), with their log densities, (B,); gradients flow through both."""
         with wide(self.settings.bfloat16, self.device.type):
             mean, log_sigma = self.actor(seen)
         mean, log_sigma = mean.float(), log_sigma.float()
-        white = torch.randn(mean.shape, generator=self.generator).to(self.device)
         x = mean + log_sigma.exp() * white
         return squash(x), log_density(x, mean, log_sigma)
 
-    def update(self, batch: Batch, progress: float) -> Metrics:
-        """Take one step of critics, actor and temperature."""
-        s = self.settings
-        anneal(self.critic_optimizer, s.learning_rate, s.final_rate, progress)
-        anneal(self.actor_optimizer, s.actor_rate, s.final_rate, progress)
-        seen, following = self.see(batch.observations), self.see(batch.next_observations)
-        critic_loss = self.critic_loss(batch, seen, following)
-        descend(self.critic_optimizer, critic_loss, self.critics.parameters(), s.gradient_norm)
-        self.critics.requires_grad_(False)
-        action, density = self.sample(seen)
-        alpha = self.temperature.log.detach().exp()
-        value = (self._worse(self.critics, seen, action) - alpha * density).mean()
-        descend(self.actor_optimizer, -value, self.actor.parameters(), s.gradient_norm)
-        self.critics.requires_grad_(True)
-        if s.learn_temperature:
-            surplus = (density.detach() + s.target_entropy).mean()
-            loss = -self.temperature.log * surplus
-            descend(
-                self.temperature_optimizer, loss, self.temperature.parameters(), s.gradient_norm
-            )
-        self.updates += 1
-        if self.updates % s.target_every == 0:
-            blend(self.target_critics, self.critics, s.target_rate)
-        blend(self.average_actor, self.actor, s.average_rate)
-        return {
-            "critic_loss": critic_loss.detach(),
-            "actor_value": value.detach(),
-            "temperature": alpha,
-            "entropy": -density.detach().mean(),
-        }
+    def descents(self) -> tuple[Descent, ...]:
+        """Give the critics' step, and the actor's with that of the temperature, if it is learnt."""
+        actor = [("actor", "actor_optimizer")]
+        if self.settings.learn_temperature:
+            actor.append(("temperature", "temperature_optimizer"))
+        return (
+            Descent(self.critic_loss, (("critics", "critic_optimizer"),)),
+            Descent(self.actor_loss, tuple(actor)),
+        )
 
-    def critic_loss(self, batch: Batch, seen: Seen, following: Seen) -> Tensor:
+    def critic_loss(self, lesson: Lesson) -> tuple[Tensor, Metrics]:
         """Give both critics' Huber loss against r + gamma (min Q'(s', a') - alpha log pi(a'))."""
         with torch.no_grad():
-            action, density = self.sample(following)
-            worse = self._worse(self.target_critics, following, action)
+            action, density = self.sample(lesson.following, lesson.draws["following"])
+            worse = self._worse(self.target_critics, lesson.following, action)
             soft = worse - self.temperature.log.exp() * density
-        goal = td_target(batch.reward, batch.discount, soft[:, None]).squeeze(1)
+        target = td_target(lesson.reward, lesson.discount, soft[:, None]).squeeze(1)
         with wide(self.settings.bfloat16, self.device.type):
-            values = [critic(seen, batch.action) for critic in self.critics]
-        losses = torch.stack([huber(goal - value.float(), 1.0).mean() for value in values])
-        return losses.sum()
+            values = [critic(lesson.seen, lesson.action) for critic in self.critics]
+        losses = torch.stack([huber(target - value.float(), 1.0).mean() for value in values])
+        return losses.sum(), {"critic_loss": losses.sum()}
+
+    def actor_loss(self, lesson: Lesson) -> tuple[Tensor, Metrics]:
+        """Give minus the worse critic's value with the entropy, and the temperature's loss.
+
+        Each flows to its own: the first to the actor, log alpha (H - H_target) to the temperature.
+        """
+        action, density = self.sample(lesson.seen, lesson.draws["seen"])
+        alpha = self.temperature.log.detach().exp()
+        value = (self._worse(self.critics, lesson.seen, action) - alpha * density).mean()
+        loss = -value
+        if self.settings.learn_temperature:
+            surplus = (density.detach() + self.settings.target_entropy).mean()
+            loss = loss - self.temperature.log * surplus
+        return loss, {"actor_value": value, "temperature": alpha, "entropy": -density.mean()}
 
     def _worse(self, critics: nn.ModuleList, seen: Seen, action: Tensor) -> Tensor:
         with wide(self.settings.bfloat16, self.device.type):

@@ -25,14 +25,14 @@ def test_more_than_it_holds_leaves_the_newest():
 def test_only_what_was_stored_is_drawn_and_all_of_it():
     buffer = ReplayBuffer(100)
     buffer.add(rows(1, 2, 3))
-    batch = buffer.sample(300, torch.Generator().manual_seed(0))
+    batch = split_rows(buffer.sample(300, torch.Generator().manual_seed(0)).rows)
     assert set(batch.reward.tolist()) == {1, 2, 3}
 
 
 def test_the_same_generator_draws_the_same():
     buffer = ReplayBuffer(100)
     buffer.add(rows(*range(50)))
-    draws = [buffer.sample(20, torch.Generator().manual_seed(4)).reward for _ in range(2)]
+    draws = [buffer.sample(20, torch.Generator().manual_seed(4)).rows for _ in range(2)]
     assert torch.equal(*draws)
 
 
@@ -42,7 +42,7 @@ def test_a_cleared_buffer_starts_again():
     buffer.clear()
     buffer.add(rows(9))
     assert len(buffer) == 1
-    assert buffer.sample(5, torch.Generator()).reward.tolist() == [9] * 5
+    assert split_rows(buffer.sample(5, torch.Generator()).rows).reward.tolist() == [9] * 5
 
 
 def test_a_row_is_read_column_by_column():

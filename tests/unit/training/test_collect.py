@@ -10,8 +10,10 @@ from twinscrew.training.buffer import split_rows
 from twinscrew.training.collect import Collector, pack_slots
 from twinscrew.training.environment import EnvironmentSettings, VectorEnv
 from twinscrew.training.exploration import ExplorationSettings
+from twinscrew.training.learner import Alone
 from twinscrew.training.networks import NetworkSettings
 from twinscrew.training.observations import unpack
+from twinscrew.training.stack import Stack
 from twinscrew.training.train_settings import Phase, TrainSettings, phase_settings
 
 NETWORK = NetworkSettings(ego_width=16, object_width=16, feature_width=32, hidden_width=32)
@@ -22,12 +24,12 @@ PHASE = Phase(name="learn", steps=1)
 def collector(agent=AC_IQN, seed=0, step=0, **changes):
     settings = TrainSettings(agent=agent, phases=[PHASE], parallel_episodes=6, n_steps=1)
     settings = msgspec.structs.replace(settings, **changes)
-    return Collector(settings, phase_settings(settings, PHASE), seed, step)
+    return Collector(settings, phase_settings(settings, PHASE), [seed], step)
 
 
 def gathered(made, agent=AC_IQN, steps=5):
-    learner = make_agent(agent, 0, "cpu")
-    return np.concatenate([made.step(learner, k, random=False) for k in range(steps)])
+    learner = Alone(make_agent(agent, 0, "cpu"))
+    return np.concatenate([made.step(learner, k, random=False)[0] for k in range(steps)])
 
 
 def test_rows_hold_what_the_environment_shows():
@@ -74,6 +76,22 @@ def test_noise_is_added_to_continuous_actions_alone():
 @pytest.mark.parametrize("agent", [AC_IQN, DQN], ids=["continuous", "discrete"])
 def test_random_actions_are_taken_when_asked_for(agent):
     made = collector(agent, exploration=ExplorationSettings(noise=0.0, epsilon_start=0.0))
-    learner = make_agent(agent, 0, "cpu")
-    rows = np.concatenate([made.step(learner, 0, random=True) for _ in range(20)])
+    learner = Alone(make_agent(agent, 0, "cpu"))
+    rows = np.concatenate([made.step(learner, 0, random=True)[0] for _ in range(20)])
     assert rows[:, 37:39].std(axis=0).min() > 0.5
+
+
+def test_what_a_seed_gathers_does_not_depend_on_who_sails_beside_it():
+    def many(seeds):
+        settings = TrainSettings(
+            agent=AC_IQN, phases=[PHASE], parallel_episodes=6, rough_share=0.5, rough={"park": True}
+        )
+        made = Collector(settings, phase_settings(settings, PHASE), seeds, 0)
+        agents = [make_agent(AC_IQN, seed, "cpu") for seed in seeds]
+        learner = Alone(agents[0]) if len(seeds) == 1 else Stack(agents)
+        steps = [made.step(learner, 0, random=True) for _ in range(60)]
+        return [np.concatenate(rows) for rows in zip(*steps, strict=True)]
+
+    together = many([3, 4])
+    for seed, rows in zip((3, 4), together, strict=True):
+        assert np.array_equal(rows, many([seed])[0])

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from twinscrew.training.buffer import TRANSITION_COLUMNS
+from twinscrew.training.buffer import TRANSITION_COLUMNS, split_rows
 from twinscrew.training.priority import BLOCK, PrioritisedReplay, PrioritySettings
 
 
@@ -51,8 +51,8 @@ def test_full_correction_makes_the_weighted_draw_uniform():
 
 
 def test_the_rows_drawn_are_those_of_their_places():
-    batch = replay(50).sample(20, torch.Generator().manual_seed(2))
-    assert batch.reward.tolist() == batch.places.tolist()
+    drawn = replay(50).sample(20, torch.Generator().manual_seed(2))
+    assert split_rows(drawn.rows).reward.tolist() == drawn.places.tolist()
 
 
 def test_nothing_beyond_what_is_stored_is_drawn():

@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from twinscrew.training.agents.ac_iqn import AcIqn, AcIqnSettings
+from twinscrew.training.agents.steps import descend
 from twinscrew.training.encoders import heed
 from twinscrew.training.losses import quantile_huber, worst_share
 from twinscrew.training.networks import NetworkSettings
@@ -18,7 +19,7 @@ def test_the_critics_loss_is_that_of_algorithm_2(batch):
     some = batch(reward=lambda action: action[:, 0])
     seen, following = agent.see(some.observations), agent.see(some.next_observations)
     before = agent.generator.get_state()
-    loss = agent.critic_loss(some, seen, following)
+    loss, _ = agent.critic_loss(agent.prepare(some, agent.chance(64)))
     agent.generator.set_state(before)
     with torch.no_grad():
         first = (torch.arange(8) + torch.rand(8, generator=agent.generator)) / 8
@@ -30,14 +31,13 @@ def test_the_critics_loss_is_that_of_algorithm_2(batch):
     assert loss.item() == pytest.approx(expected.item(), rel=1e-5)
 
 
-def test_a_lower_risk_level_asks_only_for_the_worst_quantiles(observations):
+def test_a_lower_risk_level_asks_only_for_the_worst_quantiles(batch):
     agent = AcIqn(SETTINGS, seed=1)
-    seen = agent.see(observations(16, 3))
     asked = []
     critic = agent.critic.forward
     agent.critic.forward = lambda s, a, f: asked.append(f) or critic(s, a, f)
     agent.retune(msgspec.structs.replace(SETTINGS, risk=0.25))
-    agent.actor_value(seen)
+    agent.actor_value(agent.prepare(batch(), agent.chance(64)))
     assert asked[0].max() <= 0.25
 
 
@@ -45,11 +45,12 @@ def test_the_actor_climbs_the_critic_without_changing_it(batch):
     agent = AcIqn(SETTINGS, seed=2)
     some = batch()
     critic = {k: v.clone() for k, v in agent.critic.state_dict().items()}
-    value = agent.actor_value(agent.see(some.observations))
-    agent.critic.requires_grad_(False)
-    (-value).backward()
+    before = agent.actor.output.weight.clone()
+    lesson, (_, climb) = agent.prepare(some, agent.chance(64)), agent.descents()
+    learners = [(agent.networks[net], agent.optimizers[name]) for net, name in climb.learners]
+    descend(climb.loss(lesson)[0], learners, 10.0)
     assert all(p.grad is None for p in agent.critic.parameters())
-    assert any((p.grad != 0).any() for p in agent.actor.parameters())
+    assert not torch.equal(before, agent.actor.output.weight)
     assert all(torch.equal(critic[k], v) for k, v in agent.critic.state_dict().items())
 
 
@@ -83,8 +84,8 @@ def test_hard_copies_come_every_so_many_updates(batch):
 def test_learning_rates_fall_with_progress(batch):
     agent = AcIqn(msgspec.structs.replace(SETTINGS, final_rate=0.1), seed=5)
     agent.update(batch(), 1.0)
-    assert agent.critic_optimizer.param_groups[0]["lr"] == pytest.approx(0.1 * 5e-4)
-    assert agent.actor_optimizer.param_groups[0]["lr"] == pytest.approx(0.1 * 3e-4)
+    assert agent.optimizers["critic_optimizer"].param_groups[0]["lr"] == pytest.approx(0.1 * 5e-4)
+    assert agent.optimizers["actor_optimizer"].param_groups[0]["lr"] == pytest.approx(0.1 * 3e-4)
 
 
 def test_the_same_seed_learns_the_same(batch, observations):
@@ -129,15 +130,14 @@ def test_the_worst_share_of_stratified_quantiles_is_the_cvar():
     assert (weights * middles).sum(1).tolist() == pytest.approx([0.125, 0.25, 0.5])
 
 
-def test_a_conditioned_actor_climbs_each_samples_own_share(observations):
+def test_a_conditioned_actor_climbs_each_samples_own_share(batch):
     agent = AcIqn(TOLD, seed=1)
     risk = torch.tensor([0.125, 1.0]).repeat(8)[:, None]
-    seen = heed(agent.see(observations(16, 3)), risk)
-    before = agent.generator.get_state()
-    value = agent.actor_value(seen, risk)
-    agent.generator.set_state(before)
-    fractions = (torch.arange(8) + torch.rand(8, generator=agent.generator)) / 8
-    quantiles = agent.critic(seen, agent.actor(seen), fractions)
+    draws = {**agent.chance(16), "risk": risk}
+    some = batch(16)
+    value = agent.actor_value(agent.prepare(some, draws))
+    seen = heed(agent.see(some.observations), risk)
+    quantiles = agent.critic(seen, agent.actor(seen), draws["actor"])
     expected = torch.where(risk.squeeze(1) < 1.0, quantiles[:, 0], quantiles.mean(1)).mean()
     assert value.item() == pytest.approx(expected.item(), rel=1e-5)
 

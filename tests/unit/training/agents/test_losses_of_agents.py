@@ -25,6 +25,11 @@ def half_square(error):
     return 0.5 * error * error
 
 
+def lesson(agent, batch):
+    """Give a batch with what the agent draws for it."""
+    return agent.prepare(batch, agent.chance(len(batch.action)))
+
+
 def differ(network):
     """Give a target network values of its own."""
     with torch.no_grad():
@@ -38,15 +43,15 @@ def test_dqn_looks_one_step_ahead(double, batch):
     differ(agent.target)
     some = batch(4, reward=lambda a: 0.1 * a[:, 0], pairs=True)
     with torch.no_grad():
-        online = agent.values(agent.see(some.next_observations))
+        online = agent.network(agent.see(some.next_observations))
         target = agent.target(agent.see(some.next_observations))
-        values = agent.values(agent.see(some.observations))
+        values = agent.network(agent.see(some.observations))
     total = 0.0
     for k, number in enumerate(action_number(some.action).tolist()):
         best = int((online if double else target)[k].argmax())
         goal = float(some.reward[k]) + 0.9 * float(target[k, best])
         total += half_square(goal - float(values[k, number]))
-    assert agent.loss(some).item() == pytest.approx(total / 4, rel=1e-4)
+    assert agent.loss(lesson(agent, some))[0].item() == pytest.approx(total / 4, rel=1e-4)
 
 
 def test_ddpg_values_the_targets_action(batch):
@@ -59,7 +64,8 @@ def test_ddpg_values_the_targets_action(batch):
         values = agent.critic(seen, some.action)
     errors = (some.reward + 0.9 * after - values).tolist()
     expected = sum(half_square(error) for error in errors) / 4
-    assert agent.critic_loss(some, seen, following).item() == pytest.approx(expected, rel=1e-4)
+    loss, _ = agent.critic_loss(lesson(agent, some))
+    assert loss.item() == pytest.approx(expected, rel=1e-4)
 
 
 def test_iqn_takes_the_best_action_by_its_mean_quantile(batch):
@@ -67,14 +73,14 @@ def test_iqn_takes_the_best_action_by_its_mean_quantile(batch):
     differ(agent.target)
     some = batch(4, reward=lambda a: a[:, 0], pairs=True)
     state = agent.generator.get_state()
-    loss = agent.loss(some).item()
+    loss = agent.loss(lesson(agent, some))[0].item()
     agent.generator.set_state(state)
     first, second = (
         (torch.arange(8) + torch.rand(8, generator=agent.generator)) / 8 for _ in range(2)
     )
     with torch.no_grad():
         after = agent.target(agent.see(some.next_observations), first)
-        now = agent.quantiles(agent.see(some.observations), second)
+        now = agent.network(agent.see(some.observations), second)
     losses = []
     for k, number in enumerate(action_number(some.action).tolist()):
         best = int(after[k].mean(0).argmax())
@@ -88,17 +94,18 @@ def test_rainbow_projects_the_double_choice(batch):
     differ(agent.target)
     some = batch(3, reward=lambda a: a[:, 0], pairs=True)
     with torch.no_grad():
-        online = agent.online(agent.see(some.next_observations)).exp()
+        online = agent.network(agent.see(some.next_observations)).exp()
         target = agent.target(agent.see(some.next_observations)).exp()
-        logs = agent.online(agent.see(some.observations))
+        logs = agent.network(agent.see(some.observations))
     support = torch.linspace(-2.0, 2.0, 5)
+    quiet = agent.prepare(some, {})
     for k, number in enumerate(action_number(some.action).tolist()):
         best = int((online[k] * support).sum(1).argmax())
         goal = project_distribution(
             target[k, best][None], some.reward[k : k + 1], some.discount[k : k + 1], support
         )
         expected = -(goal[0] * logs[k, number]).sum().item()
-        assert agent.losses(some)[k].item() == pytest.approx(expected, rel=1e-4)
+        assert agent.losses(quiet)[k].item() == pytest.approx(expected, rel=1e-4)
 
 
 def test_rainbow_weights_each_samples_loss(batch):
@@ -122,11 +129,10 @@ def test_sac_subtracts_the_density_from_the_worse_critic(batch):
     differ(agent.target_critics[0])
     some = batch(4, reward=lambda a: 0.1 * a[:, 0])
     seen, following = agent.see(some.observations), agent.see(some.next_observations)
-    state = agent.generator.get_state()
-    loss = agent.critic_loss(some, seen, following).item()
-    agent.generator.set_state(state)
+    draws = agent.chance(4)
+    loss = agent.critic_loss(agent.prepare(some, draws))[0].item()
     with torch.no_grad():
-        action, density = agent.sample(following)
+        action, density = agent.sample(following, draws["following"])
         both = torch.stack([critic(following, action) for critic in agent.target_critics])
         goal = some.reward + 0.9 * (both.amin(0) - 0.078 * density)
         expected = 0.0
