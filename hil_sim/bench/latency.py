@@ -16,6 +16,7 @@ from twinscrew.runtime.app.assemble import make_controller
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.controller import Controller
 from twinscrew.runtime.app.mission import MissionSettings
+from twinscrew.runtime.errors import TwinscrewError
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Engagement, Odometry, PointCloud
@@ -28,6 +29,8 @@ DIFFERENT = 40
 """[-] Different scans of a kind, in turn: the processor's caches see no scan twice in a row."""
 PERIOD_NS = 100_000_000
 GOAL_M = (40.0, 40.0)
+STIR_M = 0.002
+"""[m] Standard deviation of a moored vessel's place."""
 CONFIG = RuntimeConfig(
     mission=MissionSettings(waypoints_m=(GOAL_M,)),
     autopilot=AutopilotSettings(check_parameters=False),
@@ -111,16 +114,23 @@ def _stamped(
 ) -> list[tuple[int, bytes, bytes]]:
     """Give each scan's payload and its odometry's, in turn, with stamps that go on."""
     payloads = []
+    rng = np.random.default_rng(0)
     for k, (cloud, odometry) in enumerate(islice(cycle(scans), count)):
         stamp_ns = k * PERIOD_NS
         payloads.append(
             (
                 stamp_ns,
                 cdr.encode_point_cloud(_at(cloud, stamp_ns)),
-                cdr.encode_odometry(_at(odometry, stamp_ns)),
+                cdr.encode_odometry(_at(_afloat(odometry, rng), stamp_ns)),
             )
         )
     return payloads
+
+
+def _afloat(odometry: Odometry, rng: np.random.Generator) -> Odometry:
+    """Move the vessel a little: odometry that repeats to the bit is refused as frozen."""
+    position_N = odometry.position_N + STIR_M * rng.standard_normal(3)
+    return replace(odometry, position_N=position_N)
 
 
 def _at(message: Any, stamp_ns: int) -> Any:
@@ -160,8 +170,10 @@ def _time_steps(scans: Scans, count: int, watch: Stopwatch) -> None:
         now_s = stamp_ns / 1e9
         controller.take_in("odometry", odometry, now_s)
         with watch.time("step"):
-            controller.take_in("points", cloud, now_s)
+            handled = controller.take_in("points", cloud, now_s)
             controller.command(now_s)
+        if handled.decision is None:
+            raise TwinscrewError(f"a scan was not decided on: {handled.events}")
 
 
 def _engaged(controller: Controller) -> Controller:
