@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.harness.boat import EPOCH_NS, SECOND, Steady, cloud, make_pipeline
 from tests.harness.boat import odometry as odometry_at
+from tests.harness.circling import DT_S, Circling
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.telemetry import Origin
@@ -23,6 +24,7 @@ from twinscrew.runtime.app.odometry_source import (
     AutopilotOdometry,
 )
 from twinscrew.runtime.app.session import inputs_of
+from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.link.datum import EARTH_RADIUS_M, Datum
 from twinscrew.runtime.messages import cdr
@@ -176,7 +178,8 @@ def test_the_configuration_chooses_the_source_and_asks_for_it() -> None:
     config = RuntimeConfig(odometry_source="autopilot", policy="apf")
     assert make_controller(config).has_own_odometry
     assert autopilot_of(config).state_hz == 20.0
-    assert inputs_of(config) == ("points", "goal")
+    assert "odometry" not in inputs_of(config)
+    assert "gps" not in inputs_of(config)
 
 
 def test_a_rate_that_is_configured_is_kept() -> None:
@@ -188,3 +191,63 @@ def test_positions_do_not_move_when_they_are_encoded() -> None:
     boat = Sailing().sail(1.0)
     steps = np.diff([odometry.position_N[0] for odometry in boat.fed])
     assert steps == pytest.approx([0.1] * len(steps), abs=1e-5)
+
+
+class Estimating:
+    """A controller whose odometry is made of GPS and IMU."""
+
+    def __init__(self) -> None:
+        config = RuntimeConfig(odometry_source="gps_imu", sensor="vrx16", policy="apf")
+        assert {"gps", "imu"} < set(inputs_of(config))
+        assert "odometry" not in inputs_of(config)
+        self.controller = make_controller(config)
+        self.events: list[str] = []
+        self.decisions = 0
+        self.boat = Circling(settings=EstimationSettings())
+        self.boat.spoil_imu = lambda imu, t: self.take("imu", cdr.encode_imu(imu), t) or imu
+        self.boat.spoil_fix = lambda fix, t: self.take("gps", cdr.encode_fix(fix), t) or fix
+
+    def take(self, topic: str, payload: bytes, now_s: float) -> None:
+        handled = self.controller.take_in(topic, payload, now_s)
+        self.events += [event.name for event in handled.events]
+        self.decisions += handled.decision is not None
+
+    def sail(self, seconds: float) -> None:
+        for _ in range(round(seconds / 0.1)):
+            self.boat.sail(0.1)
+            now_s = self.boat._steps * DT_S
+            for payload in self.controller.own_odometry():
+                self.take("odometry", payload, now_s)
+            self.take("points", cdr.encode_point_cloud(cloud(now_s)), now_s)
+            _, events = self.controller.supervise(now_s)
+            self.events += [event.name for event in events]
+
+
+def test_gps_and_imu_become_the_cores_odometry() -> None:
+    sailing = Estimating()
+    sailing.sail(5.0)
+    assert sailing.events.count("estimate_ready") == 1
+    assert sailing.decisions > 25
+    assert "odometry_stale" not in sailing.events
+    assert sailing.controller.own_odometry() == []
+
+
+def test_without_the_imu_odometry_is_stale() -> None:
+    sailing = Estimating()
+    sailing.sail(3.0)
+    sailing.boat.spoil_imu = lambda imu, t: None
+    sailing.sail(1.0)
+    assert "odometry_stale" in sailing.events
+
+
+@pytest.mark.parametrize("topic", ["gps", "imu"])
+def test_a_sensors_bytes_that_are_no_message_are_told_and_dropped(topic: str) -> None:
+    sailing = Estimating()
+    sailing.take(topic, b"nonsense", 1.0)
+    assert sailing.events == ["bad_message"]
+
+
+def test_sensors_that_nobody_asked_for_are_passed_over() -> None:
+    controller = make_controller(RuntimeConfig(policy="apf"))
+    handled = controller.take_in("imu", b"nonsense", 1.0)
+    assert (handled.decision, handled.events) == (None, ())
