@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from twinscrew.runtime.app import one_thread  # noqa: F401  (before anything loads a library)
 from twinscrew.runtime.app.approval import Approved, load_approved
 
 
