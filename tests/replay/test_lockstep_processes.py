@@ -2,24 +2,21 @@
 
 import os
 import signal
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tests.harness.commands import as_json, twinscrew
 from tests.replay.test_determinism import busy_machine
 
 from twinscrew.hil_sim.drivers.processes import ProcessCrew
-from twinscrew.hil_sim.drivers.realtime import free_port
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlReport, SitlSettings, sail
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.recording import find_recordings
 from twinscrew.runtime.app.replay import combined_sha256, replay
-from twinscrew.runtime.bus.steps import Answerer, Asker
-from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
-from twinscrew.runtime.errors import BusError, ConfigError, LinkError, PolicyError
+from twinscrew.runtime.app.stepped_process import Step
+from twinscrew.runtime.errors import ConfigError, LinkError, PolicyError
 
 BRIEF = replace(load_scenario("crossing"), time_limit_s=4.0)
 HERE = SitlSettings(sensor="vrx16", lockstep=True)
@@ -93,11 +90,7 @@ def test_what_a_runtime_cannot_use_is_told_in_its_words() -> None:
     ):
         pass
     with pytest.raises(PolicyError, match="clairvoyant"):
-        sail(BRIEF, replace_policy(HERE))
-
-
-def replace_policy(settings: SitlSettings) -> SitlSettings:
-    return SitlSettings(sensor=settings.sensor, lockstep=True, policy="clairvoyant")
+        sail(BRIEF, SitlSettings(lockstep=True, policy="clairvoyant"))
 
 
 def test_in_real_time_there_is_nothing_to_choose(tmp_path: Path) -> None:
@@ -105,35 +98,19 @@ def test_in_real_time_there_is_nothing_to_choose(tmp_path: Path) -> None:
         sail(BRIEF, SitlSettings(processes=True), tmp_path)
 
 
-@pytest.fixture
-def buses() -> Iterator[tuple[ZenohBus, ZenohBus]]:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    leader = ZenohBus(ZenohSettings(listen=(endpoint,), connect=()), "wamv1")
-    led = ZenohBus(ZenohSettings(connect=(endpoint,)), "wamv1")
-    yield leader, led
-    led.close()
-    leader.close()
+def test_a_message_out_of_turn_ends_the_run_and_is_named() -> None:
+    with crew() as runtimes:
+        (vessel,) = runtimes.vessels
+        vessel._bus.publish("odometry", b"")
+        with pytest.raises(LinkError, match="out of step: points was announced, odometry came"):
+            vessel._go(Step(0.05, topic="points"))
 
 
-def test_a_question_that_nobody_answers_in_time_is_an_error(
-    buses: tuple[ZenohBus, ZenohBus],
-) -> None:
-    asker = Asker(buses[0], "step", patience_s=0.2)
-    assert not asker.is_answered(0.0)
-    with pytest.raises(BusError, match=r"wamv1/step: no answer in 0\.2 s"):
-        asker.ask(b"?")
-    answerer = Answerer(buses[1], "step")
-    assert asker.is_answered(60.0)
-    with pytest.raises(BusError, match="no answer"):
-        asker.ask(b"?")
-    assert answerer.question(1.0) == b"?"
-
-
-def test_an_answerer_that_nobody_asks_gives_up_and_answers_nothing_unasked(
-    buses: tuple[ZenohBus, ZenohBus],
-) -> None:
-    answerer = Answerer(buses[1], "step")
-    with pytest.raises(BusError, match=r"nobody asked for 0\.05 s"):
-        answerer.question(0.05)
-    with pytest.raises(BusError, match="nothing was asked"):
-        answerer.answer(b"!")
+@pytest.mark.slow
+def test_the_command_says_the_same_hash_in_one_process_and_in_many(tmp_path: Path) -> None:
+    words = ("sitl", "--scenario", "crossing", "--lockstep", "--max-time", 3, "--json")
+    one = twinscrew(*words, "--out", tmp_path / "one")
+    many = twinscrew(*words, "--processes", "--out", tmp_path / "many")
+    found = [as_json(finished)["decisions_sha256"] for finished in (one, many)]
+    assert found[0] == found[1]
+    assert len(list((tmp_path / "many").glob("*/recording/*.mcap"))) == 2
