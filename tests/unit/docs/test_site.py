@@ -68,7 +68,7 @@ def test_the_reference_has_every_module_once(pages):
 def test_every_command_is_in_the_reference(pages, stage):
     words = (pages / "reference/commands.md").read_text()
     assert "`--scenario <str>`" in words
-    assert re.findall(r"^## (\S+)$", words, re.MULTILINE)[:3] == ["sitl", "view", "run"]
+    assert {"sitl", "view", "run"} <= set(re.findall(r"^## (\S+)$", words, re.MULTILINE))
 
 
 def test_a_link_that_leads_nowhere_is_told(stage, tmp_path, monkeypatch):
