@@ -234,6 +234,38 @@ def test_without_tls_nobody_connects(boat, port):
             ZenohBus(ZenohSettings(mode="client", connect=(endpoint,)), "wamv")
 
 
+def test_strangers_at_the_port_do_not_keep_those_with_rights_out(boat, join, port):
+    """Connections that say nothing, rubbish, or the beginning of a handshake, and stay."""
+    inbox, strangers = Inbox(), []
+    inbox.listen(boat, ("goal",))
+    try:
+        for words in (b"", b"\x00" * 100, b"\xff" * 65_536, b"\x16\x03\x01\x02\x00\x01") * 10:
+            strangers.append(socket.create_connection(("127.0.0.1", port)))
+            strangers[-1].sendall(words)
+        operator = join("operator")
+        assert operator.wait_for_subscribers(("goal",), 20)
+        operator.publish("goal", b"home")
+        assert first(inbox) == ("goal", b"home")
+    finally:
+        for stranger in strangers:
+            stranger.close()
+
+
+def test_an_operator_finds_a_boat_that_starts_again(certificates, port, join, boat):
+    operator, heard = join("operator"), []
+    boat.close()
+    again = ZenohBus(installed("boat.json5", certificates[0], port, "boat"), "wamv")
+    inbox = Inbox()
+    try:
+        inbox.listen(again, ("goal",))
+        while not heard:
+            operator.publish("goal", b"home")
+            heard = inbox.wait(0.1)
+        assert heard[0].payload == b"home"
+    finally:
+        again.close()
+
+
 def test_keys_are_readable_by_their_owner_only(certificates):
     for file in certificates[0].glob("*.key"):
         assert file.stat().st_mode & 0o077 == 0
