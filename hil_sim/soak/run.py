@@ -25,6 +25,7 @@ from twinscrew.hil_sim.soak.schedule import (
     Scheduled,
     comes_to_an_end,
     draw,
+    fits_under_way,
     joined,
     spares_the_runtime,
 )
@@ -108,7 +109,8 @@ def soak(
 def plans_for(vessel: int) -> list[FaultPlan]:
     """Give the shipped faults that may happen to a vessel; only the first one's runtime dies."""
     names = sorted(path.stem for path in (CONFIG_DIR / "faults").glob("*.toml"))
-    plans = [plan for plan in map(load_plan, names) if comes_to_an_end(plan)]
+    shipped = map(load_plan, names)
+    plans = [plan for plan in shipped if comes_to_an_end(plan) and fits_under_way(plan)]
     return plans if vessel == 0 else [plan for plan in plans if spares_the_runtime(plan)]
 
 

@@ -68,5 +68,10 @@ def comes_to_an_end(plan: FaultPlan) -> bool:
     return plan.promise is None or not plan.promise.rests
 
 
+def fits_under_way(plan: FaultPlan) -> bool:
+    """Tell whether it can happen at any time: what is there at once belongs to the beginning."""
+    return min(fault.at_s for fault in plan.fault) > 0.0
+
+
 def _later(fault: Fault, by_s: float) -> Fault:
     return replace(fault, at_s=fault.at_s + by_s)
