@@ -27,7 +27,7 @@ def rotation_2d(heading: float) -> Array:
 
 def rotation_from_quaternion(q_NB: Array) -> Array:
     """Give R_NB, (3, 3), of a unit quaternion (w, x, y, z). Fossen (2021), eq. 2.72."""
-    w, x, y, z = (float(c) for c in q_NB)
+    w, x, y, z = q_NB.tolist()
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -54,7 +54,7 @@ def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Array:
 
 def euler_from_quaternion(q_NB: Array) -> tuple[float, float, float]:
     """Give the zyx Euler angles (roll, pitch, yaw) [rad] of a unit quaternion (w, x, y, z)."""
-    w, x, y, z = (float(c) for c in q_NB)
+    w, x, y, z = q_NB.tolist()
     roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
     yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from twinscrew.runtime._native import Counts, FootprintRule, Gates, Kernel, Motion
 from twinscrew.runtime.errors import ConfigError, MessageError
-from twinscrew.runtime.geometry.frames import euler_from_quaternion, quaternion_from_euler
-from twinscrew.runtime.geometry.frames import rotation_from_quaternion as rotation
+from twinscrew.runtime.geometry.frames import euler_from_quaternion
 from twinscrew.runtime.messages.types import Float32, Float64, Objects, PointCloud, Strips
 from twinscrew.runtime.perception.sensor import Sensor
 from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings
@@ -131,7 +130,7 @@ class Perception:
         """
         self.sensor = sensor
         self.settings = settings or PerceptionSettings()
-        self.report = Report(**dict.fromkeys(Report.__slots__, 0))
+        self._counts: Counts | None = None
         self._R_BS = _flat(sensor.R_BS)
         self._p_BS = sensor.mount_position_B.tolist()
         self._kernel = _make_kernel(sensor, self.settings)
@@ -160,7 +159,7 @@ class Perception:
         MessageError
             An attitude, rates or a velocity that are not finite.
         """
-        self.project(cloud, q_NB, rates_B, velocity_B)
+        self._project(cloud, q_NB, rates_B, velocity_B)
         self.segment()
         return self.objects(cloud.stamp_ns)
 
@@ -172,20 +171,32 @@ class Perception:
         velocity_B: Float64 | None = None,
     ) -> Report:
         """Put the points into the range image; see `step`."""
+        self._project(cloud, q_NB, rates_B, velocity_B)
+        return self.report
+
+    @property
+    def report(self) -> Report:
+        """What became of the points of the last scan."""
+        return Report(**{name: getattr(self._counts, name, 0) for name in Report.__slots__})
+
+    def _project(
+        self,
+        cloud: PointCloud,
+        q_NB: Float64,
+        rates_B: Float64 | None,
+        velocity_B: Float64 | None,
+    ) -> None:
         roll, pitch, _ = euler_from_quaternion(_finite(q_NB, "attitude"))
-        R_LB = rotation(quaternion_from_euler(roll, pitch, 0.0))
         motion = self._motion(rates_B, velocity_B)
-        counts = self._kernel.project(
+        self._counts = self._kernel.project(
             np.ascontiguousarray(cloud.points_S, np.float32),
             cloud.intensity,
             cloud.time_offset_s,
             self._R_BS,
             self._p_BS,
-            _flat(R_LB),
+            _levelling(roll, pitch),
             motion,
         )
-        self.report = _report(counts)
-        return self.report
 
     def segment(self) -> int:
         """Label the connected components of the range image; gives their number."""
@@ -285,8 +296,10 @@ def _footprint(settings: FootprintSettings | None) -> FootprintRule:
     return FootprintRule(s.length_m, s.beam_m, s.reach_m, s.least_m, s.min_points)
 
 
-def _report(counts: Counts) -> Report:
-    return Report(**{name: getattr(counts, name) for name in Report.__slots__})
+def _levelling(roll: float, pitch: float) -> list[float]:
+    """Give R_LB, row by row: R_y(pitch) R_x(roll). Fossen (2021), eq. 2.31 without heading."""
+    cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
+    return [cp, sp * sr, sp * cr, 0.0, cr, -sr, -sp, cp * sr, cp * cr]
 
 
 def _flat(matrix: Float64) -> list[float]:

@@ -29,7 +29,7 @@ class View:
     def of(cls, sensor: Sensor) -> View:
         """Take it from a description."""
         elevations = sensor.elevations
-        height = cls.height_m if sensor.mount is None else sensor.mount.z_m
+        height = cls().height_m if sensor.mount is None else sensor.mount.z_m
         return cls(height, max(-float(elevations[0]), 1e-3), _usual_step(elevations))
 
     @property

@@ -29,3 +29,7 @@ def test_a_beam_twice_as_steep_comes_down_twice_as_near():
 
 def test_a_sensor_that_only_looks_up_has_a_view():
     assert View(lowest_rad=1e-3).near_scale > 100.0
+
+
+def test_a_sensor_without_a_mount_is_taken_to_be_as_high_as_usual():
+    assert View.of(load_sensor("vlp16")).height_m == View().height_m
