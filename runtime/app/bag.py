@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import Any, BinaryIO, Final, NamedTuple
 
 from mcap.writer import CompressionType, Writer
 
@@ -45,6 +45,13 @@ class _File:
     channels: dict[str, int] = field(default_factory=dict)
 
 
+class _Finished(NamedTuple):
+    """A file that is closed: without its writer, which holds an index of every chunk."""
+
+    path: Path
+    contents: FileContents
+
+
 class BagWriter:
     """A folder of MCAP files of one vessel, with `metadata.yaml`. For one thread."""
 
@@ -70,7 +77,7 @@ class BagWriter:
             key: json.dumps(value)
             for key, value in {**metadata, "vessel": vessel, "topics": names}.items()
         }
-        self._closed: list[_File] = []
+        self._closed: list[_Finished] = []
         self._last_ns = 0
         self._number = 0
         try:
@@ -140,7 +147,7 @@ class BagWriter:
     def _finish(self, file: _File) -> None:
         file.writer.finish()  # type: ignore[no-untyped-call]
         file.stream.close()
-        self._closed.append(file)
+        self._closed.append(_Finished(file.path, file.contents))
 
     def _keep_quota(self) -> None:
         sizes = [file.path.stat().st_size for file in self._closed]

@@ -1,9 +1,11 @@
+import gc
 import os
 import signal
 import subprocess
 import sys
 import textwrap
 import threading
+import tracemalloc
 
 import pytest
 from mcap.reader import make_reader
@@ -176,6 +178,24 @@ def test_the_oldest_files_go_when_the_quota_is_used_up(tmp_path):
     times = [time_ns for _, _, time_ns in inputs(tmp_path)]
     assert times == list(range(times[0], 101))
     assert times[0] > 50
+
+
+def test_memory_does_not_grow_with_the_files_that_are_closed(tmp_path):
+    """As many bytes again after the first files may cost nothing that stays."""
+    settings = RecorderSettings(rotate_mb=0.2)
+    sizes = []
+    with Recorder(tmp_path / "bag", "wamv1", {}, settings, lossless=True) as recorder:
+        tracemalloc.start()
+        try:
+            for number in range(4_000):
+                recorder.record("odometry", bytes(1_000), 1 + number)
+                if number % 1_000 == 999:
+                    gc.collect()
+                    sizes.append(tracemalloc.get_traced_memory()[0])
+        finally:
+            tracemalloc.stop()
+    grown = sizes[-1] - sizes[0]
+    assert grown < 0.5 * sizes[0], sizes
 
 
 KILLED = textwrap.dedent(
