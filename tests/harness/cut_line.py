@@ -72,10 +72,16 @@ class SerialAdapter:
         for end in ends or ():
             os.close(end)
 
+    @property
+    def master(self) -> int:
+        """The far end's descriptor."""
+        assert self._ends is not None
+        return self._ends[0]
+
     def exchange(self, data: bytes) -> bytes:
         if self._ends is None:
             return b""
-        master = self._ends[0]
+        master = self.master
         if select.select([], [master], [], 0)[1]:
             os.write(master, data)
         ready, _, _ = select.select([master], [], [], 0)

@@ -1,7 +1,6 @@
 """Connections that break and come back: real TCP servers and serial lines (pseudo-terminals)."""
 
 import os
-import pty
 import socket
 import threading
 from collections.abc import Callable, Iterator
@@ -9,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from tests.harness.cut_line import SerialAdapter
 from tests.harness.waiting import wait_until
 
 from twinscrew.runtime.errors import LinkError
@@ -143,41 +143,23 @@ def test_tcp_breaks_when_nobody_acknowledges_for_some_seconds() -> None:
         line.close()
 
 
-class SerialLine:
-    """An adapter that can be pulled and put back: a pseudo-terminal behind a link."""
-
-    def __init__(self, folder: Path) -> None:
-        self.link = folder / "ttyACM0"
-        self.put_in()
-
-    def put_in(self) -> None:
-        self.master, slave = pty.openpty()
-        self.link.symlink_to(os.ttyname(slave))
-        self._slave = slave
-
-    def pull(self) -> None:
-        self.link.unlink()
-        os.close(self._slave)
-        os.close(self.master)
-
-
 def test_a_serial_line_that_is_pulled_and_put_back_is_opened_again(tmp_path: Path) -> None:
-    adapter = SerialLine(tmp_path)
-    line = kept_open(f"serial:{adapter.link}:57600")
+    adapter = SerialAdapter(tmp_path)
+    line = kept_open(adapter.connection)
     os.write(adapter.master, b"before")
     hears(line, b"before")
-    adapter.pull()
+    adapter.cut()
     assert "ttyACM0" in breaks(line.receive)
     assert line.receive() == b""
     assert line.fileno() == -1
-    adapter.put_in()
+    adapter.mend()
     wait_until(lambda: line.is_open)
     os.write(adapter.master, b"after")
     hears(line, b"after")
     line.send(b"answer")
     assert os.read(adapter.master, 100) == b"answer"
     line.close()
-    adapter.pull()
+    adapter.cut()
 
 
 class Broken(Transport):
