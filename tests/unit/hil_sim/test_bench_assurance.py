@@ -5,15 +5,16 @@ import pytest
 
 from twinscrew.hil_sim.bench import assurance as bench
 from twinscrew.runtime.safety.assurance import Assurance
+from twinscrew.runtime.safety.assurance_foresight import Foresight
 
 
 @pytest.fixture
 def judged(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """How many predictions each check made."""
     counts: list[int] = []
-    judge, step = Assurance._judge, Assurance.step
+    judge, step = Foresight.judge, Assurance.step
 
-    def counted_judge(self: Assurance, *arguments: Any) -> Any:
+    def counted_judge(self: Foresight, *arguments: Any) -> Any:
         counts[-1] += 1
         return judge(self, *arguments)
 
@@ -21,7 +22,7 @@ def judged(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         counts.append(0)
         return step(self, *arguments, **named)
 
-    monkeypatch.setattr(Assurance, "_judge", counted_judge)
+    monkeypatch.setattr(Foresight, "judge", counted_judge)
     monkeypatch.setattr(Assurance, "step", counted_step)
     return counts
 
