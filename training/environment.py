@@ -19,103 +19,32 @@ Slot k's episodes are the same in any batch: `VectorEnv(s, 8, seed).slot 3` is
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.messages.types import OBSERVED_OBJECTS, Float32, Float64
-from twinscrew.runtime.policy.vessel_model import VesselParameters
-from twinscrew.runtime.settings import Count, Positive, Settings
-from twinscrew.training import contacts, scenarios
-from twinscrew.training.conditions import CHANCES, Conditions, ConditionSettings
+from twinscrew.runtime.messages.types import Float64
+from twinscrew.training import contacts
+from twinscrew.training.beginnings import begin
+from twinscrew.training.conditions import Conditions
 from twinscrew.training.dynamics import Dynamics
-from twinscrew.training.imperfections import Imperfections, ImperfectionSettings
+from twinscrew.training.environment_settings import RATE_LIMIT, EnvironmentSettings, check
+from twinscrew.training.imperfections import Imperfections
 from twinscrew.training.perception import Observations, Things, see_ego, see_objects
-from twinscrew.training.perception_noise import NoiseBank, NoiseSettings, draw
-from twinscrew.training.reward import RewardSettings, colregs_turn, reward
+from twinscrew.training.perception_noise import NoiseBank
+from twinscrew.training.reward import colregs_turn, reward
 from twinscrew.training.scenario_pool import Beginning, Pool
-from twinscrew.training.scenarios import MapSettings, ScenarioSettings
+from twinscrew.training.step_result import StepResult
 from twinscrew.training.streams import Stream, episode_stream, slot_stream
+
+__all__ = ["RATE_LIMIT", "EnvironmentSettings", "StepResult", "VectorEnv"]
 
 Mask = NDArray[np.bool_]
 
 AHEAD = 16
 """[-] Episodes that are drawn ahead for a slot: many at a time cost little each."""
-RATE_LIMIT = 1000.0
-"""[N/s] The rate of change of thrust that an action of 1 asks for (paper, sec. V)."""
-
-
-class EnvironmentSettings(Settings, frozen=True):
-    """The environment; the defaults are the published one (paper, sec. V)."""
-
-    scenarios: tuple[ScenarioSettings, ...] = (ScenarioSettings(),)
-    """The mixture: every episode follows one of these rows, drawn by weight."""
-    map: MapSettings = MapSettings()
-    vessel: VesselParameters = VesselParameters()
-    noise: NoiseSettings = NoiseSettings()
-    reward: RewardSettings = RewardSettings()
-    conditions: ConditionSettings = ConditionSettings()
-    imperfections: ImperfectionSettings = ImperfectionSettings()
-    park: bool = False
-    """Vessels that arrived stay at their goals as obstacles; as published they vanish."""
-    period_s: Positive = 0.5
-    """[s] Between two decisions; a multiple of the sub-step."""
-    substep_s: Positive = 0.05
-    """[s] Of the integration."""
-    goal_radius_m: Positive = 2.0
-    """[m] Nearer than this to its goal, a vessel has arrived."""
-    range_m: Positive = 20.0
-    """[m] Objects are perceived this far."""
-    observed_objects: Count = OBSERVED_OBJECTS
-    """[-] K: how many objects a vessel sees at most."""
-    decision_limit: Count = 1000
-    """[-] An episode is truncated after so many decisions."""
-
-    @property
-    def substeps(self) -> int:
-        """[-] In one decision."""
-        return round(self.period_s / self.substep_s)
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """V and M: room for the vessels and buoys of the largest row."""
-        return max(s.robots for s in self.scenarios), max(s.buoys for s in self.scenarios)
-
-
-@dataclass(frozen=True, slots=True)
-class StepResult:
-    """What a decision of all vessels led to; E episodes, V vessels."""
-
-    observation: Observations
-    """To act on next: of the new episode where one was over, zeros for vessels that left."""
-    final_observation: Observations
-    """The state that the decision led to: the `next` of the transition."""
-    reward: Float32
-    """(E, V) 0 for vessels that were not on the water."""
-    terminated: Mask
-    """(E, V) Reached the goal or touched something: do not bootstrap."""
-    truncated: Mask
-    """(E, V) Cut off by the limit of decisions while under way: bootstrap."""
-    active: Mask
-    """(E, V) Was on the water when acting: has made a transition."""
-    reached: Mask
-    """(E, V) Reached its goal by this decision."""
-    touched_vessel: Mask
-    """(E, V) Touched another vessel in this decision."""
-    touched_buoy: Mask
-    """(E, V) Touched a buoy in this decision."""
-    elapsed_s: Float64
-    """(E,) [s] Since the episode began, after this decision: the travel time of `reached`."""
-    finished: Mask
-    """(E,) The episode is over; the slot has begun the next one (unless `auto_reset` is off)."""
-
-    @property
-    def collided(self) -> Mask:
-        """(E, V) Touched anything in this decision."""
-        return self.touched_vessel | self.touched_buoy
 
 
 class VectorEnv:
@@ -152,7 +81,7 @@ class VectorEnv:
     ) -> None:
         self.settings = settings = settings or EnvironmentSettings()
         seeds = [seed] if isinstance(seed, int) else list(seed)
-        _check(settings, episodes, seeds)
+        check(settings, episodes, seeds)
         numbers = range(first_slot, first_slot + episodes)
         self._slots = [(one, number) for one in seeds for number in numbers]
         self.episodes, self.auto_reset = len(self._slots), auto_reset
@@ -360,44 +289,10 @@ class VectorEnv:
         observation.mask[slots] = beginning.mask
 
     def _begin(self, slots: NDArray[np.intp], numbers: NDArray[np.intp]) -> Beginning:
-        """Draw episodes, by slot and number, with all that depends on them alone."""
-        s, vessels, buoys = self.settings, self.vessels, self.buoys
+        """Draw episodes, by slot and number."""
+        which = [self._slots[slot] for slot in slots]
         generators = [
             episode_stream(seed, slot, number)
-            for (seed, slot), number in zip(
-                [self._slots[k] for k in slots], numbers.tolist(), strict=True
-            )
+            for (seed, slot), number in zip(which, numbers.tolist(), strict=True)
         ]
-        row = np.searchsorted(self._cumulative, [g.random() for g in generators], side="right")
-        scenario = scenarios.sample(s.scenarios, row, s.map, generators, (vessels, buoys))
-        noise = draw(s.noise, generators, (vessels, vessels + buoys))
-        heading = np.exp(1j * scenario.heading)
-        things = Things(
-            position=np.concatenate([scenario.start, scenario.buoy], axis=1),
-            velocity=np.zeros((len(slots), vessels + buoys), complex),
-            radius=self._radius,
-            there=np.concatenate([scenario.vessel, scenario.buoy_there], axis=1),
-        )
-        objects, mask = see_objects(heading, things, noise, s.range_m, s.observed_objects)
-        shape = (len(slots), vessels)
-        ego = see_ego(
-            scenario.start, heading, scenario.goal, np.zeros((3, *shape)), np.zeros((2, *shape))
-        )
-        there = scenario.vessel.astype(np.float32)[..., None]
-        chance = np.stack([g.random((vessels + 1, CHANCES)) for g in generators])
-        return Beginning(scenario, ego * there, objects * there[..., None], mask * there, chance)
-
-
-def _check(settings: EnvironmentSettings, episodes: int, seeds: Sequence[int]) -> None:
-    """Refuse settings that contradict each other."""
-    scenarios.check(settings.scenarios, settings.map)
-    if episodes < 1:
-        raise ConfigError(f"must be at least 1, got {episodes}", key="episodes")
-    if not seeds or not all(0 <= seed < 2**63 for seed in seeds):
-        got = ", ".join(map(str, seeds)) or "none"
-        raise ConfigError(f"must be in [0, 2^63), got {got}", key="seed")
-    if abs(settings.substeps * settings.substep_s - settings.period_s) > 1e-9:
-        raise ConfigError(
-            f"must be a multiple of substep_s {settings.substep_s}, got {settings.period_s}",
-            key="period_s",
-        )
+        return begin(self.settings, generators, self._cumulative, self._radius)
