@@ -181,7 +181,7 @@ def test_the_oldest_files_go_when_the_quota_is_used_up(tmp_path):
 
 
 def test_memory_does_not_grow_with_the_files_that_are_closed(tmp_path):
-    """As many bytes again after the first files may cost nothing that stays."""
+    """Four megabytes in twenty files: their indices would be 0.4 MB (measured), contents are few."""
     settings = RecorderSettings(rotate_mb=0.2)
     sizes = []
     with Recorder(tmp_path / "bag", "wamv1", {}, settings, lossless=True) as recorder:
@@ -194,8 +194,7 @@ def test_memory_does_not_grow_with_the_files_that_are_closed(tmp_path):
                     sizes.append(tracemalloc.get_traced_memory()[0])
         finally:
             tracemalloc.stop()
-    grown = sizes[-1] - sizes[0]
-    assert grown < 0.5 * sizes[0], sizes
+    assert sizes[-1] - sizes[0] < 100_000, sizes
 
 
 KILLED = textwrap.dedent(
