@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,7 +50,11 @@ class Sailed:
 
 def sail_task(task: Task) -> EpisodeRecord:
     """Sail an episode and give its results: what workers run."""
-    return sail_episode(task).record
+    record = sail_episode(task).record
+    # A crew is in reference cycles, few objects that hold much native memory: the collector, which
+    # counts objects, would let a worker grow by some MB an episode before it comes.
+    gc.collect()
+    return record
 
 
 def sail_episode(task: Task, folder: Path | None = None) -> Sailed:
