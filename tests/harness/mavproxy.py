@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Self
 
@@ -15,6 +16,8 @@ from tests.harness.waiting import wait_until
 PROGRAM = Path(sys.executable).with_name("mavproxy.py")
 MODULES = "wp,param,mode,arm,cmdlong,link,misc"
 """Those that need neither a window nor the network."""
+LOOK_S = 0.3
+"""[s] Between two looks."""
 
 
 class MavProxy:
@@ -55,10 +58,19 @@ class MavProxy:
     def type(self, line: str, answer: str) -> None:
         """Type a command; wait until it prints something new with this in it."""
         before = len(self._lines)
-        assert self._process.stdin is not None
-        self._process.stdin.write(line + "\n")
-        self._process.stdin.flush()
+        self._write(line)
         self.hears(answer, before)
+
+    def look(self, line: str, answer: str) -> None:
+        """Type a command that shows something, again and again until it shows this."""
+        before = len(self._lines)
+
+        def shows() -> bool:
+            self._write(line)
+            time.sleep(LOOK_S)
+            return answer in "".join(self._lines[before:])
+
+        wait_until(shows)
 
     def hears(self, words: str, since: int = 0) -> None:
         """Wait until it prints something."""
@@ -71,6 +83,11 @@ class MavProxy:
             wait_until(look)
         except AssertionError as error:
             raise AssertionError(f"{words!r} was never printed: {self.said}") from error
+
+    def _write(self, line: str) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.write(line + "\n")
+        self._process.stdin.flush()
 
     def _read(self) -> None:
         assert self._process.stdout is not None
