@@ -79,6 +79,12 @@ def learning_curve(folders: Iterable[Path], quantity: str) -> Curve:
     return Curve(grid, values.mean(axis=0), spread / np.sqrt(len(series)), len(series))
 
 
+def logged(folders: Iterable[Path]) -> dict[str, str]:
+    """Give those of `QUANTITIES` that all of some runs have logged: older versions told less."""
+    told = [evaluations(folder)[0] for folder in folders]
+    return {key: label for key, label in QUANTITIES.items() if all(key in first for first in told)}
+
+
 def evaluations(folder: Path) -> list[dict[str, Any]]:
     """Give the evaluations that a run has logged.
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-from twinscrew.training.curves import QUANTITIES, learning_curve
+from twinscrew.training.curves import learning_curve, logged
 
 
 def draw_learning_curves(groups: Mapping[str, list[Path]], file: Path) -> None:
@@ -20,8 +20,11 @@ def draw_learning_curves(groups: Mapping[str, list[Path]], file: Path) -> None:
     file
         The picture; its suffix says the format.
     """
-    figure, axes = plt.subplots(1, len(QUANTITIES), figsize=(13.5, 3.8), layout="constrained")
-    for axis, (quantity, label) in zip(axes, QUANTITIES.items(), strict=True):
+    drawn = logged(folder for folders in groups.values() for folder in folders)
+    size = (4.5 * len(drawn), 3.8)
+    figure, grid = plt.subplots(1, len(drawn), figsize=size, layout="constrained", squeeze=False)
+    axes = grid[0]
+    for axis, (quantity, label) in zip(axes, drawn.items(), strict=True):
         for name, folders in sorted(groups.items()):
             curve = learning_curve(folders, quantity)
             (line,) = axis.plot(

@@ -5,7 +5,7 @@ import pytest
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.training import runs
 from twinscrew.training.commands_report import train_report
-from twinscrew.training.curves import find_runs, learning_curve
+from twinscrew.training.curves import find_runs, learning_curve, logged
 
 
 def run(folder, rates, algorithm="ac_iqn", every=100):
@@ -59,6 +59,17 @@ def test_a_folder_without_runs_is_refused(tmp_path):
 def test_a_log_of_an_older_version_is_refused(tmp_path):
     with pytest.raises(ConfigError, match=r"regret.*older version"):
         learning_curve([run(tmp_path / "0", [0.5])], "regret")
+
+
+def test_of_an_older_log_what_it_has_is_drawn(tmp_path):
+    old = tmp_path / "a" / "seed_0"
+    run(old, [])
+    told = {"event": "evaluation", "transitions": 100, "success": 0.5, "travel_time_s": 20.0}
+    runs.append_record(old / runs.LOG, told)
+    assert set(logged([old])) == {"success", "travel_time_s"}
+    assert set(logged([old, run(tmp_path / "b", [0.1])])) == {"success", "travel_time_s"}
+    train_report([tmp_path / "a"], tmp_path / "out")
+    assert (tmp_path / "out" / "learning_curves.png").is_file()
 
 
 def test_a_run_without_evaluations_is_refused(tmp_path):
