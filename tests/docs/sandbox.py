@@ -21,8 +21,8 @@ OWN = {"runs", "build", "dist", ".git", ".venv"}
 PATIENCE_S = 170.0
 """[s] A command that hangs must not hang the tests; far beyond what any takes."""
 BOAT = 'name = "wamv"\n[bus]\nconnect = []\n[autopilot]\nconnection = "udpout:127.0.0.1:9"\n'
-INTERRUPTED = 130
-"""[-] What a shell gives for Ctrl-C, if a program has not set itself up yet."""
+INTERRUPTED = {130, -signal.SIGINT}
+"""[-] How Ctrl-C ends a program that has not set itself up yet."""
 RUN_PLACE = re.compile(r"runs/<\w+>")
 
 
@@ -35,7 +35,9 @@ def make_sandbox(folder: Path) -> Path:
     smoke = runpy.run_path(str(ROOT / "deploy" / "smoke.py"))
     (folder / "scan.pcd").write_text(smoke["pcd"](smoke["buoy"](8.0, 0.4)))
     words = [*TWINSCREW, "sitl", "--scenario", "crossing", "--lockstep", "--max-time", "3"]
-    subprocess.run([*words, "--out", "runs/first"], cwd=folder, capture_output=True, timeout=120)
+    words += ["--out", "runs/first"]
+    sailed = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert (folder / "runs" / "first" / "summary.json").is_file(), sailed.stderr
     return folder
 
 
@@ -61,7 +63,7 @@ def run(command: Command, folder: Path) -> str:
             process.kill()
         said.seek(0)
         words = said.read()
-    meant = {command.mark.status, INTERRUPTED} if command.mark.until else {command.mark.status}
+    meant = {command.mark.status} | (INTERRUPTED if command.mark.until else set())
     assert status in meant, f"{line}: status {status}:\n{words}"
     return words
 
