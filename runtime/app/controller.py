@@ -174,6 +174,10 @@ class Controller:
                 events = self._odometry.sense(topic, payload)
             except MessageError as error:
                 events = (BAD_MESSAGE.at(self.stamp_ns, f"{topic}: {error}"),)
+            except Exception as error:  # must stop the boat, not the loop: no odometry follows
+                self._odometry.restart()
+                detail = f"{topic}: {type(error).__name__}: {error}"
+                events = (INTERNAL_ERROR.at(self.stamp_ns, detail),)
         self.note(events, now_s)
         return Handled(None, events)
 

@@ -92,6 +92,9 @@ class OdometrySource(Protocol):
             It is not the message that it should be.
         """
 
+    def restart(self) -> None:
+        """Forget what was sensed, after a fault."""
+
     def payloads(self) -> list[bytes]:
         """Give the messages of the `odometry` topic that were made since the last call."""
 
@@ -114,6 +117,9 @@ class AutopilotOdometry:
     def sense(self, topic: str, payload: bytes) -> tuple[HealthEvent, ...]:  # noqa: ARG002
         """See `OdometrySource`: the autopilot needs no help."""
         return ()
+
+    def restart(self) -> None:
+        """See `OdometrySource`: nothing was sensed."""
 
     def payloads(self) -> list[bytes]:
         """Give what has come since the last call; nothing before the first scan."""
@@ -144,6 +150,10 @@ class GpsImuOdometry:
             if odometry is not None:
                 self._made.append(cdr.encode_odometry(odometry))
         return self._estimator.take_events()
+
+    def restart(self) -> None:
+        """See `OdometrySource`."""
+        self._estimator.restart()
 
     def payloads(self) -> list[bytes]:
         """See `OdometrySource`."""

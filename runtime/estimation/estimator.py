@@ -97,6 +97,9 @@ class Estimator:
             self._start(felt)
         else:
             self._move(felt, dt_s)
+            if not self._filter.is_sound:
+                self._events.append(ESTIMATE_LOST.at(felt.stamp_ns, "nonsense: starting anew"))
+                self.restart()
         self._felt = felt
         return self._odometry(felt)
 
@@ -105,6 +108,10 @@ class Estimator:
         if message.valid:
             self._waiting.append(message)
             self._use_fixes()
+
+    def restart(self) -> None:
+        """Forget everything but where the local frame is."""
+        self._begin()
 
     def take_events(self) -> tuple[HealthEvent, ...]:
         """Give what an operator should know, since the last call."""

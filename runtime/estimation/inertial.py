@@ -86,6 +86,12 @@ class InertialFilter:
         covariance: Float64 = self._filter.P
         return covariance
 
+    @property
+    def is_sound(self) -> bool:
+        """Whether its numbers are numbers, and its variances positive."""
+        variances = self.P.diagonal()
+        return bool(np.isfinite(self.x).all() and (variances > 0.0).all())
+
     def place(self, position_N: Float64, position_R: Float64) -> None:
         """Start anew from a position, at an unknown speed; attitude and biases are kept."""
         x, P = self._filter.x, self._filter.P
@@ -143,7 +149,8 @@ class InertialFilter:
 
     def _update(self, y: Float64, H: Float64, R: Float64) -> bool:
         S = H @ self.P @ H.T + R
-        if float(y @ np.linalg.solve(S, y)) > self._settings.gate_sigma**2:
+        # Not 0 or more: a covariance that cannot be one, or numbers that are not finite.
+        if not 0.0 <= float(y @ np.linalg.solve(S, y)) <= self._settings.gate_sigma**2:
             return False
         # The innovation is made here, because a fix is compared with the state at its own time.
         self._filter.update(y, lambda _: H, lambda _: 0.0, R=R)

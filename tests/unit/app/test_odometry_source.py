@@ -25,6 +25,7 @@ from twinscrew.runtime.app.odometry_source import (
 )
 from twinscrew.runtime.app.session import inputs_of
 from twinscrew.runtime.estimation.estimator import EstimationSettings
+from twinscrew.runtime.estimation.inertial import InertialFilter
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.link.datum import EARTH_RADIUS_M, Datum
 from twinscrew.runtime.messages import cdr
@@ -204,8 +205,8 @@ class Estimating:
         self.events: list[str] = []
         self.decisions = 0
         self.boat = Circling(settings=EstimationSettings())
-        self.boat.spoil_imu = lambda imu, t: self.take("imu", cdr.encode_imu(imu), t) or imu
-        self.boat.spoil_fix = lambda fix, t: self.take("gps", cdr.encode_fix(fix), t) or fix
+        self.boat.spoil_imu = lambda imu, t: self.take("imu", cdr.encode_imu(imu), t)
+        self.boat.spoil_fix = lambda fix, t: self.take("gps", cdr.encode_fix(fix), t)
 
     def take(self, topic: str, payload: bytes, now_s: float) -> None:
         handled = self.controller.take_in(topic, payload, now_s)
@@ -251,3 +252,16 @@ def test_sensors_that_nobody_asked_for_are_passed_over() -> None:
     controller = make_controller(RuntimeConfig(policy="apf"))
     handled = controller.take_in("imu", b"nonsense", 1.0)
     assert (handled.decision, handled.events) == (None, ())
+
+
+def test_a_fault_of_the_estimation_stops_the_boat_and_not_the_loop(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    sailing = Estimating()
+    sailing.sail(3.0)
+    with monkeypatch.context() as patch:
+        patch.setattr(InertialFilter, "predict", lambda *_, **__: 1 / 0)
+        sailing.boat.sail(0.01)
+    assert sailing.events[-1] == "internal_error"
+    sailing.sail(3.0)
+    assert sailing.events.count("estimate_ready") == 2
