@@ -126,7 +126,7 @@ class Stations:
     def _on_command(self, message: Message, station: Station, *, exact: bool) -> None:
         command = message.command
         if command == mavlink.MAV_CMD_REQUEST_MESSAGE and exact:
-            result = self._tell(int(message.param1))
+            result = self._tell(message.param1)
         elif self._commands.knows(command):
             permitted = self._permits(station[0])
             result = self._commands.execute(message) if permitted else DENIED
@@ -137,7 +137,7 @@ class Stations:
         ack = mavlink.MAVLink_command_ack_message(command, result, 0, 0, *station)
         self.server.replies.append(ack)
 
-    def _tell(self, message_id: int) -> int:
+    def _tell(self, message_id: float) -> int:
         if message_id == mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
             self.server.replies.append(_version())
         elif message_id == mavlink.MAVLINK_MSG_ID_MISSION_CURRENT:
