@@ -93,19 +93,18 @@ def _evaluate_on(folder: Path, policy: BatchPolicy, seed: int, *, as_json: bool)
 
 def _evaluate(
     policy: BatchPolicy, rows: Sequence[ScenarioSettings], episodes: int, seed: int
-) -> list[Evaluation]:
+) -> tuple[Evaluation, ...]:
     """Evaluate row by row, with a progress bar on standard error."""
     from rich.console import Console
     from rich.progress import Progress
 
-    from twinscrew.training.evaluate import evaluate as score
+    from twinscrew.training.evaluate import evaluate_all
 
     with Progress(console=Console(file=sys.stderr), transient=True) as bar:
         task = bar.add_task(policy.name, total=episodes * len(rows))
-        return [
-            score(policy, row, episodes, seed, progress=lambda n: bar.advance(task, n))
-            for row in rows
-        ]
+        return evaluate_all(
+            policy, rows, episodes, seed, progress=lambda count: bar.advance(task, count)
+        )
 
 
 def _print_table(

@@ -7,7 +7,7 @@ any batch.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -102,6 +102,22 @@ def evaluate(
         if progress is not None:
             progress(count)
     return score(Outcomes(*map(np.concatenate, zip(*outcomes, strict=True))), seed)
+
+
+def evaluate_all(
+    policy: BatchPolicy,
+    rows: Iterable[ScenarioSettings],
+    episodes: int,
+    seed: int,
+    *,
+    environment: EnvironmentSettings | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> tuple[Evaluation, ...]:
+    """Give a policy's score in each of several scenarios; the arguments are those of `evaluate`."""
+    return tuple(
+        evaluate(policy, row, episodes, seed, environment=environment, progress=progress)
+        for row in rows
+    )
 
 
 class Outcomes(NamedTuple):

@@ -11,7 +11,7 @@ from torch import nn
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.training.batch_policy import BatchPolicy, Mask
 from twinscrew.training.environment import RATE_LIMIT, EnvironmentSettings
-from twinscrew.training.evaluate import TIME_LIMIT_S, Evaluation, evaluate
+from twinscrew.training.evaluate import TIME_LIMIT_S, Evaluation, evaluate_all
 from twinscrew.training.observations import Observations
 from twinscrew.training.perception import Observations as Seen
 from twinscrew.training.settings_table import six_settings
@@ -92,13 +92,11 @@ def validate(
     policy: BatchPolicy, episodes: int, seed: int, rough: EnvironmentSettings | None = None
 ) -> Score:
     """Sail `episodes` in each of the six settings, greedily, and as many in rough conditions."""
-
-    def sail(environment: EnvironmentSettings | None) -> tuple[Evaluation, ...]:
-        return tuple(
-            evaluate(policy, row, episodes, seed, environment=environment) for row in six_settings()
-        )
-
-    return Score(sail(None), sail(rough) if rough is not None else ())
+    rows = six_settings()
+    published = evaluate_all(policy, rows, episodes, seed)
+    if rough is None:
+        return Score(published)
+    return Score(published, evaluate_all(policy, rows, episodes, seed, environment=rough))
 
 
 def _success(kind: tuple[Evaluation, ...]) -> float:

@@ -4,18 +4,26 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
+from twinscrew.export.command import describe
+from twinscrew.export.onnx_file import DeployedPolicy, onnx_bytes
 from twinscrew.runtime.app.cli import main
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.training.agents.ac_iqn import AcIqnSettings
 from twinscrew.training.batch_policy import OneByOne, open_policy
 from twinscrew.training.drive import steer_at_goal
+from twinscrew.training.encoders import See
 from twinscrew.training.environment import EnvironmentSettings, VectorEnv
 from twinscrew.training.evaluate import Evaluation, Outcomes, evaluate, sail, score, wilson95
+from twinscrew.training.networks import Actor, NetworkSettings, Pilot
 from twinscrew.training.perception import Observations
 from twinscrew.training.scenarios import ScenarioSettings
+from twinscrew.training.train_settings import Phase, TrainSettings
 
 THREE = ScenarioSettings(robots=3, min_distance_m=30.0)
 
@@ -161,3 +169,31 @@ def test_an_impossible_request_ends_with_status_2_and_says_what_is_allowed(
 def test_evaluations_are_plain_values() -> None:
     record = Evaluation(1, 1.0, (0.2, 1.0), 12.5, 0, 0, 3, 30.0).record()
     assert json.loads(json.dumps(record))["wilson95"] == [0.2, 1.0]
+
+
+def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: str) -> str:
+    """Run `twinscrew evaluate` and give what it prints."""
+    monkeypatch.setattr("sys.argv", ["twinscrew", "evaluate", *words])
+    with pytest.raises(SystemExit):
+        main()
+    captured = capsys.readouterr()
+    return captured.out or captured.err
+
+
+def test_a_curve_over_risk_levels_is_one_object_by_level(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = NetworkSettings(ego_width=16, object_width=16, hidden_width=16)
+    torch.manual_seed(0)
+    pilot = Pilot(See(settings), Actor(settings, extra=1), risk=0.5)
+    run_told = TrainSettings(agent=AcIqnSettings(), phases=[Phase(name="none", steps=1)])
+    data = onnx_bytes(DeployedPolicy(pilot, 1000.0), describe(run_told, "none", 0.5))
+    file = tmp_path / "policy.onnx"
+    file.write_bytes(data)
+    words = [str(file), "--robots", "1", "--episodes", "2", "--json"]
+    curve = json.loads(run(capsys, monkeypatch, *words, "--risks", "0.5,1,adaptive"))["risks"]
+    assert list(curve) == ["0.5", "1", "adaptive"]
+    own = json.loads(run(capsys, monkeypatch, *words))
+    assert own == curve["0.5"]
+    assert own != curve["1"]
+    assert "--risk, --risks" in run(capsys, monkeypatch, *words, "--risk", "1", "--risks", "1,0.5")
