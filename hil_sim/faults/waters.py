@@ -12,8 +12,8 @@ LANE_M = 80.0
 """[m] Between lanes: perception ends at 20 m."""
 BUOY_EVERY_M = 12.0
 """[m] Along a lane, so that there always is something to see."""
-BUOY_ASIDE_M = 9.0
-"""[m] From the lane: near enough to be followed, too far to be in the way."""
+BUOY_ASIDE_M = 15.0
+"""[m] From the lane: near enough to be followed, too far to be in the way of turning about."""
 GOAL_M = 200.0
 """[m] Farther than any vessel comes in the time."""
 BUOY_RADIUS_M = 0.75
