@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ from twinscrew.hil_sim.experiments.ablations import (
 )
 from twinscrew.hil_sim.experiments.chance import RandomPolicy
 from twinscrew.hil_sim.experiments.ideal import DirectCrew, TruePerception, TrueTracker
+from twinscrew.hil_sim.experiments.memory import give_back
 from twinscrew.hil_sim.experiments.outcome import make_record
 from twinscrew.hil_sim.experiments.plan import CHANCE, CLASSICAL, Task
 from twinscrew.hil_sim.experiments.record import EpisodeRecord
@@ -51,9 +51,7 @@ class Sailed:
 def sail_task(task: Task) -> EpisodeRecord:
     """Sail an episode and give its results: what workers run."""
     record = sail_episode(task).record
-    # A crew is in reference cycles, few objects that hold much native memory: the collector, which
-    # counts objects, would let a worker grow by some MB an episode before it comes.
-    gc.collect()
+    give_back()
     return record
 
 
