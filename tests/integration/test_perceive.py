@@ -123,3 +123,13 @@ def test_nan_and_infinity_are_no_points(tmp_path: Path) -> None:
     done = twinscrew("perceive", tmp_path / "a.npy", "--sensor", "vlp16", "--json")
     result = json.loads(done.stdout)
     assert result["left_out"]["empty"] == len(points[::2]) + len(points[1::6])
+
+
+def test_noise_for_a_file_is_read_without_a_word(tmp_path: Path) -> None:
+    file = tmp_path / "noise.bin"
+    file.write_bytes(np.random.default_rng(0).bytes(16 * 500))
+    finished = twinscrew("perceive", file, "--sensor", "vlp16", "--height-m", 1.5, "--json")
+    assert finished.stderr == ""
+    result = as_json(finished)
+    assert result["points"] == 500
+    assert result["surface"] is None

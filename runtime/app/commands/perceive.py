@@ -52,9 +52,9 @@ def perceive(
 
     described = load_sensor(sensor)
     points, ring = read_cloud(file)
-    cloud = PointCloud(
-        stamp_ns=0, frame_id=str(file), points_S=points * np.array([1, -1, -1], np.float32)
-    )
+    with np.errstate(invalid="ignore"):  # signalling NaNs
+        points_S = points * np.array([1, -1, -1], np.float32)
+    cloud = PointCloud(stamp_ns=0, frame_id=str(file), points_S=points_S)
     surface = None if height_m is None else find_surface(cloud.points_S, height_m)
     height_m = height_m if surface is None else surface.height_m
     attitude = LEVEL if surface is None else surface.q_NS
