@@ -9,6 +9,8 @@ from enum import Enum
 from pathlib import Path
 from typing import Literal
 
+from msgspec.structs import replace
+
 from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotFleet, ArduPilotSettings
 from twinscrew.hil_sim.drivers.fleet import Fleet, simulated_fleet
@@ -160,8 +162,6 @@ def sail(
         raise ConfigError("a ground station needs real time: without --lockstep", key="ground")
     if settings.lockstep and settings.autopilot is AutopilotKind.ARDUPILOT:
         raise ConfigError("ArduPilot runs in real time only: without --lockstep", key="autopilot")
-    if settings.ground and settings.autopilot is AutopilotKind.ARDUPILOT:
-        raise ConfigError("ArduPilot has ports of its own: tcp:127.0.0.1:5762, ...", key="ground")
     if (settings.autopilot, settings.odometry) == (
         AutopilotKind.ARDUPILOT,
         OdometrySource.AUTOPILOT_ODOMETRY,
@@ -260,7 +260,8 @@ def _fleet(world: World, folders: list[Path], settings: SitlSettings, tell: Tell
     if settings.autopilot is AutopilotKind.TWINSCREW:
         ids = [index + 1 for index in range(world.scenario.vessels)]
         return simulated_fleet(ids, ground=settings.ground) if settings.ground else None
-    return ArduPilotFleet(world, folders, settings.ardupilot, tell)
+    ardupilot = replace(settings.ardupilot, ground=settings.ground)
+    return ArduPilotFleet(world, folders, ardupilot, tell)
 
 
 def _voyage(

@@ -31,6 +31,8 @@ class ArduPilotSettings(Settings, frozen=True):
 
     binary: str = ""
     """ArduRover's simulator (`ardurover`); empty: somebody else starts one a vessel."""
+    ground: str = ""
+    """HOST:PORT where a ground station listens (UDP); empty: it may call them (TCP 5762 + 10 N)."""
     first_instance: int = 0
     """[-] Instance number of the first vessel's; the others count on."""
     patience_s: NonNegative = 300.0
@@ -75,7 +77,8 @@ class ArduPilotFleet:
         self._settings = settings
         self._world = world
         self._instances = [
-            Instance(settings.first_instance + i, i + 1, folder) for i, folder in enumerate(folders)
+            Instance(settings.first_instance + i, i + 1, folder, settings.ground)
+            for i, folder in enumerate(folders)
         ]
         self._backends = [JsonBackend(moment(world.state, i, 0.0)) for i in self._vessels]
         self._asked_s = [time.monotonic()] * len(self._backends)

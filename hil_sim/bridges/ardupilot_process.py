@@ -35,6 +35,8 @@ class Instance:
     system_id: int
     folder: Path
     """Where its parameters, its memory (eeprom.bin) and its logs are."""
+    ground: str = ""
+    """HOST:PORT where a ground station listens; its second serial port calls it (UDP)."""
 
     @property
     def physics_port(self) -> int:
@@ -52,6 +54,8 @@ class Instance:
         home = f"{place.latitude_deg},{place.longitude_deg},{place.altitude_m},0"
         words = ["--model", f"JSON:{HOST}", "--instance", str(self.number)]
         words += ["--sysid", str(self.system_id), "--speedup", "1"]
+        if self.ground:
+            words += ["--serial1", f"udpclient:{self.ground}"]
         return [binary, *words, "--wipe", "--home", home, "--defaults", PARAMETERS_FILE]
 
     def command_line(self, binary: str) -> str:

@@ -165,7 +165,7 @@ def place_of(home: str, position: np.ndarray) -> Origin:
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    for word in ("--model", "--home", "--speedup", "--sysid"):
+    for word in ("--model", "--home", "--speedup", "--sysid", "--serial1"):
         parser.add_argument(word)
     parser.add_argument("--wipe", action="store_true")
     parser.add_argument("--instance", type=int, default=0)
