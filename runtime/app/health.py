@@ -1,7 +1,7 @@
 """The vessel's state, and what an operator is told about it.
 
-The first that fits, from above; nothing else is remembered, so that any state but STANDBY may follow
-any other::
+The first that fits, from above; nothing else is remembered, so that any state but STANDBY may
+follow any other::
 
     an input or the autopilot never heard --------------------------> STANDBY
     an input stale, the autopilot silent, the last decision failed --> SAFE

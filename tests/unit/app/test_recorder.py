@@ -181,7 +181,7 @@ def test_the_oldest_files_go_when_the_quota_is_used_up(tmp_path):
 
 
 def test_memory_does_not_grow_with_the_files_that_are_closed(tmp_path):
-    """Four megabytes in twenty files: their indices would be 0.4 MB (measured), contents are few."""
+    """Four megabytes in twenty files: their indices would be 0.3 MB (measured)."""
     settings = RecorderSettings(rotate_mb=0.2)
     sizes = []
     with Recorder(tmp_path / "bag", "wamv1", {}, settings, lossless=True) as recorder:
