@@ -2,8 +2,9 @@
 
 import pytest
 from tests.hil_sim.assurance_table import row
-from tests.hil_sim.reckless import Episode, RandomPolicy, sail
+from tests.hil_sim.reckless import Episode, sail
 
+from twinscrew.hil_sim.experiments.chance import RandomPolicy
 from twinscrew.hil_sim.supervisor import Outcome, Result
 from twinscrew.runtime.messages.types import Observation
 from twinscrew.runtime.safety.assurance import AssuranceSettings
