@@ -120,7 +120,7 @@ def _bears(p: Float64, plane: Float64) -> bool:
     """
     off, band = _off(p, plane), BANDS_M[-1]
     on = np.count_nonzero(np.abs(off) < band)
-    under = np.count_nonzero((off >= band) & (off < 4 * band))
+    under = np.count_nonzero((off >= 2 * band) & (off < 5 * band))  # waves reach half as far
     above = np.count_nonzero((off <= -band) & (off > -3 * band))
     return bool(under < MOST_UNDER * on and above < MOST_ABOVE * on)
 

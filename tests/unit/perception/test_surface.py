@@ -10,11 +10,18 @@ from twinscrew.runtime.geometry.frames import rotation_from_quaternion as rotati
 from twinscrew.runtime.perception.surface import find_surface
 
 
-def plane(roll: float, pitch: float, height: float = 1.9, count: int = 3000, seed: int = 0):
+def plane(
+    roll: float,
+    pitch: float,
+    height: float = 1.9,
+    count: int = 3000,
+    seed: int = 0,
+    rough: float = 0.03,
+):
     """Points of a level plane as a tilted sensor sees them, (N, 3), frame S (FRD)."""
     rng = np.random.default_rng(seed)
     reach, bearing = rng.uniform(4.0, 19.0, count), rng.uniform(-math.pi, math.pi, count)
-    down = height + 0.03 * rng.standard_normal(count)
+    down = height + rough * rng.standard_normal(count)
     p_N = np.column_stack([reach * np.cos(bearing), reach * np.sin(bearing), down])
     R_NS = rotation(quaternion_from_euler(roll, pitch, 0.0))
     return (p_N @ R_NS).astype(np.float32)
@@ -50,6 +57,11 @@ def test_what_stands_on_it_does_not_lift_it() -> None:
 )
 def test_where_there_is_no_surface_none_is_found(points: np.ndarray) -> None:
     assert find_surface(points.astype(np.float32), 1.9) is None
+
+
+def test_a_rough_surface_is_one_too() -> None:
+    found = find_surface(plane(0.05, 0.0, rough=0.1), 1.9)
+    assert found.tilt_rad == pytest.approx(0.05, abs=0.005)
 
 
 @pytest.mark.parametrize("seed", range(5))
