@@ -108,12 +108,19 @@ def simulated_fleet(
     ground
         HOST:PORT where a ground station listens. They call it on a second port, and hand messages
         on between it and the companions. Empty: there is none.
+
+    Raises
+    ------
+    LinkError
+        There is no such place to call.
     """
     settings = settings or RoverAutopilotSettings()
+    lines = [[open_transport(f"udpout:{ground}")] if ground else [] for _ in system_ids]
     transports = [UdpTransport(LOOPBACK, 0, listens=True) for _ in system_ids]
-    pilots = []
-    for system_id, transport in zip(system_ids, transports, strict=True):
-        lines = [open_transport(f"udpout:{ground}")] if ground else []
-        autopilot = RoverAutopilot(settings, system_id, ports=1 + len(lines))
-        pilots.append(AutopilotOnTheNet(autopilot, transport, *lines))
+    pilots = [
+        AutopilotOnTheNet(
+            RoverAutopilot(settings, system_id, ports=1 + len(line)), transport, *line
+        )
+        for system_id, transport, line in zip(system_ids, transports, lines, strict=True)
+    ]
     return SimulatedFleet(pilots, [transport.port for transport in transports])
