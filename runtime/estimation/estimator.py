@@ -12,6 +12,7 @@ from collections import deque
 
 import numpy as np
 
+from twinscrew.runtime.estimation.chart import Chart
 from twinscrew.runtime.estimation.events import (
     ESTIMATE_LOST,
     ESTIMATE_READY,
@@ -20,6 +21,7 @@ from twinscrew.runtime.estimation.events import (
     GPS_LOST,
     HEADING_UNKNOWN,
     IMU_GAP,
+    Notes,
 )
 from twinscrew.runtime.estimation.inertial import InertialFilter, InertialSettings
 from twinscrew.runtime.estimation.kinematics import (
@@ -31,7 +33,7 @@ from twinscrew.runtime.estimation.kinematics import (
 )
 from twinscrew.runtime.estimation.past import Past
 from twinscrew.runtime.estimation.sensors import Carriage, ImuInBody, SensorSettings
-from twinscrew.runtime.estimation.wgs84 import LocalFrame, Place
+from twinscrew.runtime.estimation.wgs84 import LocalFrame
 from twinscrew.runtime.geometry.frames import quaternion_from_euler
 from twinscrew.runtime.link.datum import Datum
 from twinscrew.runtime.messages.types import (
@@ -47,8 +49,6 @@ from twinscrew.runtime.tracking.light import extended_kalman_filter
 
 WAITING = 16
 """[-] Fixes that may wait for the IMU to reach their time."""
-REMIND_NS = NANOSECONDS_PER_SECOND
-"""[ns] How often a lasting trouble is told."""
 
 
 class EstimationSettings(Settings, frozen=True):
@@ -80,16 +80,16 @@ class Estimator:
     def __init__(self, settings: EstimationSettings | None = None) -> None:
         self._settings = settings or EstimationSettings()
         extended_kalman_filter()  # its import takes 0.2 s: now, and not when the first fix comes
-        self._carriage = Carriage(self._settings.sensors)
-        self._frame: LocalFrame | None = None
-        self._events: list[HealthEvent] = []
-        self._told_ns: dict[str, int] = {}
+        self.carriage = Carriage(self._settings.sensors)
+        """Where the sensors sit."""
+        self._chart = Chart(self._settings.datum, self.carriage)
+        self._notes = Notes()
         self._felt: ImuInBody | None = None
         self._begin()
 
     def imu(self, message: Imu) -> Odometry | None:
         """Move on to an IMU message's time; give the odometry there if it is due and usable."""
-        felt = self._carriage.in_body(message)
+        felt = self.carriage.in_body(message)
         dt_s = self._follow(felt.stamp_ns)
         if dt_s is None:
             return None
@@ -98,7 +98,7 @@ class Estimator:
         else:
             self._move(felt, dt_s)
             if not self._filter.is_sound:
-                self._events.append(ESTIMATE_LOST.at(felt.stamp_ns, "nonsense: starting anew"))
+                self._notes.add(ESTIMATE_LOST.at(felt.stamp_ns, "nonsense: starting anew"))
                 self.restart()
         self._felt = felt
         return self._odometry(felt)
@@ -115,8 +115,7 @@ class Estimator:
 
     def take_events(self) -> tuple[HealthEvent, ...]:
         """Give what an operator should know, since the last call."""
-        events, self._events = tuple(self._events), []
-        return events
+        return self._notes.take()
 
     @property
     def inertial(self) -> InertialFilter | None:
@@ -126,7 +125,7 @@ class Estimator:
     @property
     def frame(self) -> LocalFrame | None:
         """The local frame; None before the first fix."""
-        return self._frame
+        return self._chart.frame
 
     def _begin(self) -> None:
         """Know nothing; but the local frame stays where it is."""
@@ -148,7 +147,7 @@ class Estimator:
             return None
         if not 0.0 < dt_s <= self._settings.imu_gap_s:
             if self._filter is not None:
-                self._events.append(IMU_GAP.at(stamp_ns, f"{dt_s:.2f} s after the last message"))
+                self._notes.add(IMU_GAP.at(stamp_ns, f"{dt_s:.2f} s after the last message"))
             self._begin()
             return 0.0
         return dt_s
@@ -156,15 +155,17 @@ class Estimator:
     def _start(self, felt: ImuInBody) -> None:
         """Start from the newest fix, once there are one and an attitude."""
         if felt.attitude is None:
-            self._tell(HEADING_UNKNOWN.at(felt.stamp_ns, "orientation_covariance[0] is -1"))
+            self._notes.lasting(
+                HEADING_UNKNOWN.at(felt.stamp_ns, "orientation_covariance[0] is -1")
+            )
             return
         latest_ns = felt.stamp_ns - round(self._settings.gps_lost_s * NANOSECONDS_PER_SECOND)
         fixes = [f for f in self._waiting if latest_ns <= f.stamp_ns <= felt.stamp_ns]
         if not fixes:
             return
-        z_N, R = self._located(fixes[-1])
-        arm_N = rotation(felt.attitude) @ self._carriage.antenna_from_imu_B
-        attitude_R = self._carriage.attitude_R(felt)
+        z_N, R = self._chart.located(fixes[-1])
+        arm_N = rotation(felt.attitude) @ self.carriage.antenna_from_imu_B
+        attitude_R = self.carriage.attitude_R(felt)
         self._filter = InertialFilter(
             self._settings.inertial, z_N - arm_N, R, felt.attitude, attitude_R
         )
@@ -193,7 +194,7 @@ class Estimator:
             return
         self._attitude_ns = felt.stamp_ns
         before = inertial.x
-        inertial.measure_attitude(felt.attitude, self._carriage.attitude_R(felt))
+        inertial.measure_attitude(felt.attitude, self.carriage.attitude_R(felt))
         self._past.correct(inertial.x - before)
 
     def _use_fixes(self) -> None:
@@ -212,9 +213,9 @@ class Estimator:
         then = self._past.at(fix.stamp_ns)
         if then is None:
             return
-        z_N, R = self._located(fix)
+        z_N, R = self._chart.located(fix)
         before = inertial.x
-        if inertial.measure_position(z_N, R, self._carriage.antenna_from_imu_B, then):
+        if inertial.measure_position(z_N, R, self.carriage.antenna_from_imu_B, then):
             self._past.correct(inertial.x - before)
             self._used_ns, self._refused_ns = max(self._used_ns, fix.stamp_ns), None
         else:
@@ -228,9 +229,9 @@ class Estimator:
         lasts_s = (fix.stamp_ns - self._refused_ns) / NANOSECONDS_PER_SECOND
         if lasts_s < self._settings.gps_disagrees_s:
             return
-        arm_B = self._carriage.antenna_from_imu_B
+        arm_B = self.carriage.antenna_from_imu_B
         off_m = math.hypot(*(z_N - then[POSITION] - rotation(then[ATTITUDE]) @ arm_B)[:2])
-        self._events.append(GPS_DISAGREES.at(fix.stamp_ns, f"{off_m:.1f} m off"))
+        self._notes.add(GPS_DISAGREES.at(fix.stamp_ns, f"{off_m:.1f} m off"))
         inertial.place(z_N - rotation(inertial.x[ATTITUDE]) @ arm_B, R)
         self._past.clear()
         self._used_ns, self._refused_ns = fix.stamp_ns, None
@@ -240,10 +241,10 @@ class Estimator:
         lost = age_s > self._settings.gps_lost_s
         if lost:
             detail = f"for {age_s:.1f} s; the position is known to {self._sigma(POSITION):.1f} m"
-            self._tell(GPS_LOST.at(now_ns, detail))
+            self._notes.lasting(GPS_LOST.at(now_ns, detail))
         elif self._coasts:
-            self._told_ns.pop(GPS_LOST.name, None)
-            self._events.append(GPS_BACK.at(now_ns))
+            self._notes.over(GPS_LOST)
+            self._notes.add(GPS_BACK.at(now_ns))
         self._coasts = lost
 
     def _odometry(self, felt: ImuInBody) -> Odometry | None:
@@ -257,7 +258,7 @@ class Estimator:
         x = self._filter.x
         R_NB = rotation(x[ATTITUDE])
         rates_B = felt.rates_B - x[GYRO_BIAS]
-        imu_B = self._carriage.imu_B
+        imu_B = self.carriage.imu_B
         return Odometry(
             stamp_ns=felt.stamp_ns,
             position_N=x[POSITION] - R_NB @ imu_B,
@@ -273,7 +274,7 @@ class Estimator:
         if usable != self._usable:
             kind = ESTIMATE_READY if usable else ESTIMATE_LOST
             detail = f"position known to {sigma_m:.1f} m, velocity to {sigma_mps:.2f} m/s"
-            self._events.append(kind.at(now_ns, detail))
+            self._notes.add(kind.at(now_ns, detail))
         self._usable = usable
         return usable
 
@@ -282,34 +283,3 @@ class Estimator:
         assert self._filter is not None  # noqa: S101  (its callers saw it)
         (a, b, _), (_, d, _), _ = self._filter.P[states, states].tolist()
         return math.sqrt(0.5 * (a + d) + math.hypot(0.5 * (a - d), b))
-
-    def _located(self, fix: Fix) -> tuple[Float64, Float64]:
-        """Give a fix in the local frame, (3,) [m], and its covariance."""
-        frame = self._frame = self._frame or self._first_frame(fix)
-        told = math.isfinite(fix.altitude_m)
-        altitude_m = fix.altitude_m if told else frame.origin.altitude_m
-        place = Place(
-            latitude_deg=fix.latitude_deg, longitude_deg=fix.longitude_deg, altitude_m=altitude_m
-        )
-        return frame.position_N(place), self._carriage.position_R(fix)
-
-    def _first_frame(self, fix: Fix) -> LocalFrame:
-        datum = self._settings.datum
-        altitude_m = fix.altitude_m if math.isfinite(fix.altitude_m) else 0.0
-        altitude_m -= self._settings.sensors.antenna.z_m  # down counts from where the vessel floats
-        if datum is None:
-            datum = Datum(latitude_deg=fix.latitude_deg, longitude_deg=fix.longitude_deg)
-        return LocalFrame(
-            Place(
-                latitude_deg=datum.latitude_deg,
-                longitude_deg=datum.longitude_deg,
-                altitude_m=altitude_m,
-            )
-        )
-
-    def _tell(self, event: HealthEvent) -> None:
-        """Tell of a lasting trouble: when it begins, and every second."""
-        told_ns = self._told_ns.get(event.name)
-        if told_ns is None or not 0 <= event.stamp_ns - told_ns < REMIND_NS:
-            self._told_ns[event.name] = event.stamp_ns
-            self._events.append(event)

@@ -79,8 +79,9 @@ class Carriage:
         self._q_IB = q_BI * np.array([1.0, -1.0, -1.0, -1.0])
         self.imu_B = flu_to_frd(np.array([mount.x_m, mount.y_m, mount.z_m]))
         """[m] (3,) The IMU from the vessel's origin."""
-        antenna_B = flu_to_frd(np.array([antenna.x_m, antenna.y_m, antenna.z_m]))
-        self.antenna_from_imu_B = antenna_B - self.imu_B
+        self.antenna_B = flu_to_frd(np.array([antenna.x_m, antenna.y_m, antenna.z_m]))
+        """[m] (3,) The antenna from the vessel's origin."""
+        self.antenna_from_imu_B = self.antenna_B - self.imu_B
         """[m] (3,) The antenna from the IMU."""
 
     def in_body(self, imu: Imu) -> ImuInBody:

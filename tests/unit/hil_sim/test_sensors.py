@@ -1,4 +1,4 @@
-"""The simulated GPS and IMU: true but for noise and biases, as noisy as they say, at their rates."""
+"""The simulated GPS and IMU: true but for biases and noise, of which they tell; at their rates."""
 
 from dataclasses import replace
 from itertools import pairwise
