@@ -174,7 +174,7 @@ def _part_of(optimizer: torch.optim.Adam, k: int) -> dict[str, Any]:
     """Give seed k's part of an optimiser's state."""
     whole = optimizer.state_dict()
     state = {
-        number: {name: v if name == "step" else v[k].clone() for name, v in values.items()}
+        number: {name: (v if name == "step" else v[k]).clone() for name, v in values.items()}
         for number, values in whole["state"].items()
     }
     return {**whole, "state": state}
@@ -184,7 +184,7 @@ def _join(states: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Stack the optimisers' states of all seeds."""
     joined = {
         number: {
-            name: values[name]
+            name: values[name].clone()
             if name == "step"
             else torch.stack([state["state"][number][name] for state in states])
             for name in values
