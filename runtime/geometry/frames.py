@@ -10,6 +10,7 @@ Source: Fossen (2021), Handbook of Marine Craft Hydrodynamics and Motion Control
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,37 +75,43 @@ def interpolate_quaternion(q0: Array, q1: Array, fraction: float) -> Array:
 
 def quaternion_product(p: Array, q: Array) -> Array:
     """Give the Hamilton product of two quaternions (w, x, y, z)."""
-    pw, px, py, pz = (float(c) for c in p)
-    qw, qx, qy, qz = (float(c) for c in q)
-    return np.array(
-        [
-            pw * qw - px * qx - py * qy - pz * qz,
-            pw * qx + px * qw + py * qz - pz * qy,
-            pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw,
-        ]
+    return np.array(_product(p.tolist(), q.tolist()))
+
+
+def _product(p: Sequence[float], q: Sequence[float]) -> tuple[float, float, float, float]:
+    pw, px, py, pz = p
+    qw, qx, qy, qz = q
+    return (
+        pw * qw - px * qx - py * qy - pz * qz,
+        pw * qx + px * qw + py * qz - pz * qy,
+        pw * qy - px * qz + py * qw + pz * qx,
+        pw * qz + px * qy - py * qx + pz * qw,
     )
 
 
 def enu_to_ned(v: Array) -> Array:
     """Express a vector, (..., 3), given in ENU in NED. It is its own inverse."""
-    return np.stack([v[..., 1], v[..., 0], -v[..., 2]], axis=-1)
+    turned: Array = v[..., _EAST_NORTH] * _DOWN
+    return turned
 
 
 def flu_to_frd(v: Array) -> Array:
     """Express a vector, (..., 3), given in FLU in FRD. It is its own inverse."""
-    flipped: Array = v * np.array([1.0, -1.0, -1.0])
+    flipped: Array = v * _STARBOARD_DOWN
     return flipped
 
 
-_Q_NED_ENU = np.array([0.0, HALF_SQRT2, HALF_SQRT2, 0.0])
-_Q_FLU_FRD = np.array([0.0, 1.0, 0.0, 0.0])
+_Q_NED_ENU = (0.0, HALF_SQRT2, HALF_SQRT2, 0.0)
+_Q_FLU_FRD = (0.0, 1.0, 0.0, 0.0)
+_EAST_NORTH = np.array([1, 0, 2])
+_DOWN = np.array([1.0, 1.0, -1.0])
+_STARBOARD_DOWN = np.array([1.0, -1.0, -1.0])
 
 
 def attitude_enu_flu_to_ned_frd(q: Array) -> Array:
     """Turn the attitude of FLU in ENU, (w, x, y, z), into that of FRD in NED (w >= 0)."""
-    q_NB = quaternion_product(quaternion_product(_Q_NED_ENU, q), _Q_FLU_FRD)
-    return -q_NB if q_NB[0] < 0 else q_NB
+    w, x, y, z = _product(_product(_Q_NED_ENU, q.tolist()), _Q_FLU_FRD)
+    return np.array((-w, -x, -y, -z) if w < 0 else (w, x, y, z))
 
 
 def attitude_ned_frd_to_enu_flu(q_NB: Array) -> Array:
