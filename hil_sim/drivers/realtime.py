@@ -17,6 +17,7 @@ import msgspec
 import tomli_w
 
 from twinscrew.hil_sim.drivers.fleet import LOOPBACK, Fleet, simulated_fleet
+from twinscrew.hil_sim.drivers.punctual import ordinary
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.session import inputs_of
 from twinscrew.runtime.bus.base import Received, Receiver
@@ -221,7 +222,7 @@ class RealtimeCrew:
         folder = self._folders[vessel]
         file = str(folder / CONFIG_FILE)
         command = [sys.executable, "-m", "twinscrew.runtime.app", "run", "--config", file]
-        with (folder / LOG_FILE).open("ab") as log:
+        with (folder / LOG_FILE).open("ab") as log, ordinary():
             return subprocess.Popen(command, stdout=log, stderr=log)
 
     def _wait_for_runtimes(self) -> None:

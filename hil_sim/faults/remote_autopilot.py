@@ -17,12 +17,15 @@ import msgspec
 import numpy as np
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
+from twinscrew.hil_sim.drivers.punctual import be_punctual, is_punctual, ordinary
 from twinscrew.hil_sim.faults.pilot import Bridge, act, bridge_of
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Odometry
 
 SIGNAL_LOST_S = 0.1
 """[s] A propeller whose input has no pulse for this long stops."""
+PUNCTUAL = "punctual"
+"""The word that asks for real-time priority."""
 _LARGEST = 1 << 18
 
 
@@ -70,7 +73,9 @@ class RemoteAutopilot:
         self._socket, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._socket.setblocking(False)
         words = [sys.executable, "-m", __name__, str(theirs.fileno()), str(self._system_id)]
-        self._process = subprocess.Popen(words, pass_fds=(theirs.fileno(),))
+        words += [PUNCTUAL] if is_punctual() else []
+        with ordinary():
+            self._process = subprocess.Popen(words, pass_fds=(theirs.fileno(),))
         theirs.close()
 
     def kill(self) -> None:
@@ -125,6 +130,8 @@ class RemoteAutopilot:
 
 def main() -> None:
     """Be the other process, until the simulator is gone."""
+    if PUNCTUAL in sys.argv:
+        be_punctual()
     line = socket.socket(fileno=int(sys.argv[1]))
     autopilot: RoverAutopilot | None = None
     while data := line.recv(_LARGEST):

@@ -1,6 +1,10 @@
+import os
+import subprocess
+import sys
+
 import numpy as np
 
-from twinscrew.hil_sim.drivers.punctual import FIFO, punctual
+from twinscrew.hil_sim.drivers.punctual import FIFO, is_punctual, ordinary, punctual
 from twinscrew.hil_sim.faults.plan import load_plan
 from twinscrew.hil_sim.faults.trial import groups
 from twinscrew.hil_sim.faults.waters import BUOY_ASIDE_M, LANE_M, lanes
@@ -26,10 +30,14 @@ def test_no_vessel_sees_what_happens_in_another_lane() -> None:
 
 
 def test_a_simulator_is_punctual_for_a_while_and_then_as_before() -> None:
-    import os
-
     before = os.sched_getscheduler(0)
     with punctual():
         inside = os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
+        with ordinary():
+            assert not is_punctual()
+            child = [sys.executable, "-c", "import os; print(os.sched_getscheduler(0))"]
+            started = subprocess.run(child, capture_output=True, text=True, check=True)
+        assert inside == (os.sched_getscheduler(0), os.sched_getparam(0).sched_priority)
+    assert int(started.stdout) == os.SCHED_OTHER
     assert inside in ((os.SCHED_FIFO, FIFO), (before, 0))
     assert os.sched_getscheduler(0) == before
