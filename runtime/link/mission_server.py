@@ -11,6 +11,12 @@ from typing import TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from twinscrew.runtime.link.mission_download import (
+    MISSION,
+    acknowledgement,
+    download,
+    kind_of,
+)
 from twinscrew.runtime.link.mission_items import Item, item_of
 from twinscrew.runtime.link.mission_upload import Upload
 from twinscrew.runtime.link.orders import GoTo, Halt, Order, OrderSettings, Sail
@@ -18,7 +24,6 @@ from twinscrew.runtime.link.places import Chart, Fault
 from twinscrew.runtime.link.stored_mission import StoredMission
 from twinscrew.runtime.link.wire import Message
 
-MISSION = int(mavlink.MAV_MISSION_TYPE_MISSION)
 ALL = int(mavlink.MAV_MISSION_TYPE_ALL)
 GUIDED = 2
 """[-] `current` of an item that is no part of a mission, but a goal."""
@@ -54,7 +59,7 @@ class MissionServer:
             "MISSION_COUNT": self._on_count,
             "MISSION_ITEM": self._on_item,
             "MISSION_ITEM_INT": self._on_item,
-            "MISSION_REQUEST_LIST": self._on_request_list,
+            "MISSION_REQUEST_LIST": self._on_request,
             "MISSION_REQUEST": self._on_request,
             "MISSION_REQUEST_INT": self._on_request,
             "MISSION_CLEAR_ALL": self._on_clear,
@@ -153,25 +158,11 @@ class MissionServer:
         accepted, out_of_order = mavlink.MAV_MISSION_ACCEPTED, mavlink.MAV_MISSION_INVALID_SEQUENCE
         self._acknowledge(station, accepted if again else out_of_order)
 
-    def _on_request_list(self, message: Message, station: Station, _now_s: float) -> None:
-        if _kind(message) != MISSION:
-            self._acknowledge(station, mavlink.MAV_MISSION_UNSUPPORTED, _kind(message))
-            return
-        count = len(self.mission.items)
-        self.replies.append(mavlink.MAVLink_mission_count_message(*station, count))
-
     def _on_request(self, message: Message, station: Station, _now_s: float) -> None:
-        seq, mission = message.seq, self.mission
-        if _kind(message) != MISSION:
-            self._acknowledge(station, mavlink.MAV_MISSION_UNSUPPORTED, _kind(message))
-        elif seq >= len(mission.items):
-            self._acknowledge(station, mavlink.MAV_MISSION_INVALID_SEQUENCE)
-        else:
-            item = mission.items[seq].message(station, seq, current=seq == mission.current)
-            self.replies.append(item)
+        self.replies.append(download(message, self.mission, station))
 
     def _on_clear(self, message: Message, station: Station, _now_s: float) -> None:
-        kind = _kind(message)
+        kind = kind_of(message)
         if not self._permits(station[0]):
             self._acknowledge(station, mavlink.MAV_MISSION_DENIED, kind)
         elif kind not in (MISSION, ALL):
@@ -188,7 +179,7 @@ class MissionServer:
         self.replies.append(self.mission.told())
 
     def _on_partial(self, message: Message, station: Station, _now_s: float) -> None:
-        self._acknowledge(station, mavlink.MAV_MISSION_UNSUPPORTED, _kind(message))
+        self._acknowledge(station, mavlink.MAV_MISSION_UNSUPPORTED, kind_of(message))
 
     def _on_ack(self, message: Message, station: Station, _now_s: float) -> None:
         """Take a station's word: that its download is complete, or that it gives its upload up."""
@@ -203,7 +194,7 @@ class MissionServer:
 
     def _may_change(self, message: Message, station: Station) -> bool:
         """Whether the station may change the mission; it is answered if not."""
-        kind = _kind(message)
+        kind = kind_of(message)
         if not self._permits(station[0]):
             self._acknowledge(station, mavlink.MAV_MISSION_DENIED, kind)
             return False
@@ -221,8 +212,4 @@ class MissionServer:
         self._acknowledge(upload.station, result)
 
     def _acknowledge(self, station: Station, result: int, kind: int = MISSION) -> None:
-        self.replies.append(mavlink.MAVLink_mission_ack_message(*station, int(result), kind))
-
-
-def _kind(message: Message) -> int:
-    return int(getattr(message, "mission_type", MISSION))
+        self.replies.append(acknowledgement(station, result, kind))
