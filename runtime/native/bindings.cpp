@@ -440,7 +440,6 @@ void bind_kernel(nb::module_& m) {
 
 NB_MODULE(_native, m) {
   m.doc() = "Native kernels.";
-  nb::set_leak_warnings(false);  // what module globals hold at exit is no leak
   m.def("gather_frd", &gather_frd, "data"_a, "offsets"_a, "shape"_a, "steps"_a,
         nb::arg("points_S").noconvert(),
         "Copy float32 x, y, z records (forward-left-up) into points_S (forward-starboard-down).");
