@@ -148,7 +148,8 @@ def _vessel(
     folder: Path,
     turns: int,
 ) -> VesselSoak:
-    late_s = [t for t, event in crew.witnesses[vessel].events if event.name == "overrun"]
+    told = crew.witnesses[vessel].events
+    late_s = [t for t, event in told if event.name == "overrun" and t <= crew.ended_s]
     spans = [
         (made.begin_s, made.end_s + AFTERMATH_S)
         for made in crew.made
