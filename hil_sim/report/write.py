@@ -142,9 +142,10 @@ ASSURED = """\
 The same episodes with the policy's thrust unchecked, as in the paper, and with the runtime's
 assurance in between, as on the boat. An episode fails once, by its first cause."""
 GAP = """\
-Success rate and mean travel time. Training: `twinscrew evaluate --all`, other episodes of the same
-kind, and travel times of every vessel that arrived. Full: the simulator; then the same episodes
-with single differences to training switched off, and with all of them off at once."""
+Success rate and mean travel time. Training: `twinscrew evaluate`, with `--on` these very episodes,
+with `--all` others of the same kind; its times are of every vessel that arrived. Then the simulator,
+the table's variant first; then the same episodes with single differences to training switched off,
+and with all of them off at once."""
 ARROWS = """\
 Outlines every 4 s with the time in seconds; arrows are velocities, 1 m for 1 m/s."""
 RERUN = """\
