@@ -59,6 +59,10 @@ class ReplayFiles:
         self._parts = parts
         return {"state": replay.state(), "parts": [list(part) for part in parts]}
 
+    def drop(self) -> None:
+        """Need no file any more: `tidy` removes them all."""
+        self._parts = []
+
     def restore(self, kept: dict[str, Any]) -> None:
         """Fill the replay with what a checkpoint kept.
 

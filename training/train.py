@@ -106,9 +106,18 @@ class Training:
         if self.best is None or score.value > self.best:
             self.best = score.value
             self._save(runs.BEST, score)
-        self._save(runs.CHECKPOINT, score, self._files.save() if s.save_replay else None)
+        kept = self._files.save() if s.save_replay and not self.is_finished else None
+        self._save(runs.CHECKPOINT, score, kept)
+        if kept is None:
+            self._files.drop()
         self._files.tidy()
         return score
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the last phase is at its end."""
+        last = len(self.settings.phases) - 1
+        return self.phase == last and self.phase_step >= self.settings.phases[last].steps
 
     def _where(self) -> dict[str, Any]:
         name = self.settings.phases[self.phase].name

@@ -136,6 +136,7 @@ def log_of(folder):
 def test_a_run_that_was_cut_off_becomes_the_run_that_was_not(tmp_path, killed_at, monkeypatch):
     file = written(tmp_path)
     whole = trained(tmp_path / "whole", file)
+    assert not list((tmp_path / "whole").glob("replay_*"))  # a finished run needs none
     take = Training.take
 
     def stumble(self, rows):

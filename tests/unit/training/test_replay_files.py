@@ -77,6 +77,16 @@ def test_an_emptied_replay_begins_anew(tmp_path):
     assert again.rows[:2, 0].tolist() == [50.0, 51.0]
 
 
+def test_what_was_dropped_is_removed(tmp_path):
+    replay = ReplayBuffer(10)
+    files = ReplayFiles(tmp_path, replay)
+    replay.add(rows(8))
+    files.save()
+    files.drop()
+    files.tidy()
+    assert files_of(tmp_path) == []
+
+
 def test_priorities_come_back(tmp_path):
     def make():
         return PrioritisedReplay(2000, PrioritySettings())
