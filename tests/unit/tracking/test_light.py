@@ -81,3 +81,15 @@ print(json.dumps([
 ]))
 """
     assert run(code) == [True, True]
+
+
+def test_the_extended_filter_comes_the_same_way():
+    code = """
+import inspect, json
+from twinscrew.runtime.tracking import light
+short, again = light.extended_kalman_filter(), light.extended_kalman_filter()
+from filterpy.kalman import ExtendedKalmanFilter
+same = inspect.getsource(short) == inspect.getsource(ExtendedKalmanFilter)
+print(json.dumps({"same": same, "once": short is again}))
+"""
+    assert run(code) == {"same": True, "once": True}
