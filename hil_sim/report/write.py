@@ -143,9 +143,9 @@ The same episodes with the policy's thrust unchecked, as in the paper, and with 
 assurance in between, as on the boat. An episode fails once, by its first cause."""
 GAP = """\
 Success rate and mean travel time. Training: `twinscrew evaluate`, with `--on` these very episodes,
-with `--all` others of the same kind; its times are of every vessel that arrived. Then the simulator,
-the table's variant first; then the same episodes with single differences to training switched off,
-and with all of them off at once."""
+with `--all` others of the same kind; its times are of every vessel that arrived. Then the
+simulator, the variant of the other tables first; then the same episodes with single differences to
+training switched off, and with all of them off at once."""
 ARROWS = """\
 Outlines every 4 s with the time in seconds; arrows are velocities, 1 m for 1 m/s."""
 RERUN = """\
