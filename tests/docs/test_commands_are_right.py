@@ -28,6 +28,9 @@ def refusal(command):
     if name.startswith("-") or name in PLACEHOLDERS:
         return None
     found = find_command(name)
+    if found is not None and words and hasattr(found, "commands"):  # as `manifest sign`
+        name, *words = words
+        found = found.commands.get(name)
     if found is None:
         return f"no command {name}"
     try:
@@ -51,7 +54,16 @@ def test_the_command_line_knows_it(command):
     assert refusal(command) is None
 
 
-@pytest.mark.parametrize("words", ["twinscrew sail", "twinscrew sitl --fast", "twinscrew replay"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        "twinscrew sail",
+        "twinscrew sitl --fast",
+        "twinscrew replay",
+        "twinscrew manifest sing",
+        "twinscrew manifest sign --loud",
+    ],
+)
 def test_a_wrong_command_would_be_found(words):
     assert refusal(Command("page", 1, words, True, None)) is not None
 
