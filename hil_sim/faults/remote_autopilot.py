@@ -107,9 +107,10 @@ class RemoteAutopilot:
         asked = Asked(
             now_s, b"".join(self._heard), seen, tuple(self._acts), tuple(self._parameters)
         )
-        self._heard, self._acts, self._parameters = [], [], []
+        self._heard = []
         with contextlib.suppress(OSError):  # it is dead, or too slow to take more
             self._socket.send(msgspec.msgpack.encode(asked))
+            self._acts, self._parameters = [], []  # else a pilot tries again
         said = b""
         with contextlib.suppress(OSError):
             while data := self._socket.recv(_LARGEST):

@@ -75,6 +75,17 @@ def test_killed_it_is_silent_and_comes_back_disarmed(bench: Bench) -> None:
     assert bench.autopilot.bridge.mode == "MANUAL"
 
 
+def test_what_a_pilot_did_while_it_could_not_hear_is_done_when_it_can(bench: Bench) -> None:
+    wait_until(bench.drives)
+    bench.autopilot.signal(signal.SIGSTOP)
+    for _ in range(2000):  # far more than waits in a socket
+        bench.tick()
+    bench.autopilot.act("hold")
+    bench.tick()
+    bench.autopilot.signal(signal.SIGCONT)
+    wait_until(lambda: bench.tick() or bench.autopilot.bridge.mode == "HOLD")
+
+
 def test_stopped_it_goes_on_where_it_was(bench: Bench) -> None:
     wait_until(bench.drives)
     bench.autopilot.signal(signal.SIGSTOP)
