@@ -138,7 +138,7 @@ class CentroidModel:
     def __init__(
         self,
         *,
-        range: Sequence[float],
+        range: Sequence[float],  # noqa: A002
         depth: Sequence[float],
         small_depth: float,
         buoy: float,
