@@ -112,7 +112,10 @@ def test_the_boats_wheel_leaves_out_what_a_boat_does_not_need():
 def test_a_wheel_is_built_for_every_python_that_is_allowed():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     oldest = project["project"]["requires-python"].removeprefix(">=3.")
-    built = [int(name.removeprefix("cp3").rstrip("-*")) for name in project["tool"]["cibuildwheel"]["build"]]
+    built = [
+        int(name.removeprefix("cp3").rstrip("-*"))
+        for name in project["tool"]["cibuildwheel"]["build"]
+    ]
     assert min(built) == int(oldest)
     assert built == list(range(min(built), max(built) + 1))
 
