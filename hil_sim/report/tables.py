@@ -123,7 +123,8 @@ def effort(material: Material) -> str:
 
 def gap(material: Material) -> str:
     """Success rates and times in the training environment, the simulator, and simpler ones."""
-    header = ["", "set", "training", *material.variants]
+    names = ["all at once" if name.count("+") > 2 else name for name in material.variants]
+    header = ["", "set", "training", *names]
     rows = []
     for method in material.methods:
         for i, one in enumerate(material.sets):
