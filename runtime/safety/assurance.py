@@ -53,6 +53,9 @@ class AssuranceSettings(Settings, frozen=True):
     """[s] A command is let pass while a manoeuvre that begins this much later avoids contact."""
     least_radius_m: NonNegative = 0.8
     """[m] Objects are at least this large: of a buoy of 0.75 m, 0.5 to 0.7 m are seen."""
+    clearance_m: NonNegative = 0.1
+    """[m] Surfaces count as this much larger: at `tolerance_mps` a vessel can creep nearer than
+    wanted, by tolerance_mps / approach_per_s = 0.07 m."""
     margin_m: NonNegative = 0.8
     """[m] Nearer than this to a surface, closing in is limited."""
     approach_per_s: NonNegative = 0.7
@@ -161,6 +164,7 @@ class Assurance:
             reach_m=self._reach_m,
             horizon_s=(settings.horizon_s, min(settings.moving_horizon_s, settings.horizon_s)),
             least_radius_m=settings.least_radius_m,
+            clearance_m=settings.clearance_m,
             static_mps=settings.static_mps,
         )
 

@@ -51,6 +51,7 @@ def surroundings(
     reach_m: float,
     horizon_s: tuple[float, float],
     least_radius_m: float,
+    clearance_m: float,
     static_mps: float,
 ) -> Circles:
     """Give what could be met within the horizon.
@@ -63,13 +64,15 @@ def surroundings(
         Until when what stands still, and what moves, can be foretold [s].
     least_radius_m : float
         No object is taken to be smaller [m].
+    clearance_m : float
+        Every object is taken to be this much larger [m].
     static_mps : float
         Slower tracks stand still [m/s].
     """
     speed = np.hypot(tracks.v_N[:, 0], tracks.v_N[:, 1])
     speed = np.where(speed < static_mps, 0.0, speed)
     offset_N = tracks.p_N - odometry.position_N[:2]
-    radius = np.maximum(tracks.radius, least_radius_m)
+    radius = np.maximum(tracks.radius, least_radius_m) + clearance_m
     gap = np.hypot(offset_N[:, 0], offset_N[:, 1]) - radius - reach_m
     horizon = np.where(speed > 0.0, horizon_s[1], horizon_s[0])
     near = np.flatnonzero(gap < speed * horizon)

@@ -1,5 +1,5 @@
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_2d
@@ -85,6 +85,7 @@ PLACES = st.lists(PLACE, min_size=1, max_size=3).map(np.array)
 
 @settings(max_examples=60, deadline=None)
 @given(PLACES, st.one_of(RATES, RECKLESS))
+@example(np.array([[5.26549537, -2.87655323]]), [(0.0, 465.0)] * 21)  # creeps up to it
 def test_no_policy_can_run_a_vessel_into_a_buoy(p_N, rates):
     assert np.min(Voyage(p_N, rates).gaps) > 0.0
 

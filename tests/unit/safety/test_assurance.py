@@ -90,7 +90,9 @@ def test_switched_off_it_lets_everything_pass():
 @pytest.mark.parametrize(("side", "turn"), [(1.0, [900.0, 1000.0]), (-1.0, [1000.0, 900.0])])
 def test_where_braking_does_not_help_it_turns_away_from_the_threat(side, turn):
     crossing = (6.0, 7.0 * side, -2.0, -1.0 * side, 2.8)
-    farsighted = AssuranceSettings(moving_horizon_s=4.0, margin_m=0.5, approach_per_s=1.0)
+    farsighted = AssuranceSettings(
+        moving_horizon_s=4.0, clearance_m=0.0, margin_m=0.5, approach_per_s=1.0
+    )
     thrust, (told,) = steps(Assurance(farsighted), crossing)
     assert told.detail.startswith("turn away")
     assert thrust.tolist() == turn

@@ -147,6 +147,7 @@ def around(heading: float, seen: Tracks) -> Circles:
         reach_m=15.0,
         horizon_s=(4.0, 1.5),
         least_radius_m=0.8,
+        clearance_m=0.0,
         static_mps=0.4,
     )
 
