@@ -6,6 +6,7 @@ docs/estimation.md. No time, no frames on the earth, no messages here: `estimato
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -150,10 +151,18 @@ class InertialFilter:
     def _update(self, y: Float64, H: Float64, R: Float64) -> bool:
         S = H @ self.P @ H.T + R
         # Not 0 or more: a covariance that cannot be one, or numbers that are not finite.
-        if not 0.0 <= float(y @ np.linalg.solve(S, y)) <= self._settings.gate_sigma**2:
+        if not 0.0 <= distance2(y, S) <= self._settings.gate_sigma**2:
             return False
         # The innovation is made here, because a fix is compared with the state at its own time.
         self._filter.update(y, lambda _: H, lambda _: 0.0, R=R)
         P = self._filter.P
         self._filter.P = 0.5 * (P + P.T)
         return True
+
+
+def distance2(y: Float64, S: Float64) -> float:
+    """Give the squared Mahalanobis distance y' S^-1 y; infinite where nonsense made S singular."""
+    try:
+        return float(y @ np.linalg.solve(S, y))
+    except np.linalg.LinAlgError:
+        return math.inf

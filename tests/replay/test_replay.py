@@ -245,7 +245,7 @@ def test_a_bag_with_gps_and_imu_but_no_odometry_is_decided_on_by_the_estimate(
     datum = "[estimation.datum]\nlatitude_deg = -33.7221\nlongitude_deg = 150.6739\n"
     config.write_text('odometry_source = "gps_imu"\n' + BOAT_TOML + datum)
     again = only(bag, config=config)
-    assert 35 <= again.decisions <= 39
+    assert 24 <= again.decisions <= 32  # of 39 scans: it takes a second of fixes to know the speed
     assert again == only(bag, config=config)
 
 
