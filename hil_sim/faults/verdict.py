@@ -13,6 +13,8 @@ from twinscrew.hil_sim.faults.witness import Witness
 
 APART_S = 0.1
 """[s] What happens within this is one thing."""
+PAUSE_S = 1.0
+"""[s] A boat that sails on may rest for as long: at a waypoint, or for a decision of its policy."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,9 +120,13 @@ def _moves_again(promise: Promise, witness: Witness, end_s: float) -> list[Measu
 def _sails_on(promise: Promise, witness: Witness, begin_s: float, now_s: float) -> list[Measured]:
     if not promise.sails_on:
         return []
-    stops = [t - begin_s for t, turning in witness.turns if begin_s <= t <= now_s and not turning]
-    words = f"stopped after {stops[0]:.2f} s" if stops else "did"
-    return [Measured(what="sails on", promised="always", measured=words, kept=not stops)]
+    rests = witness.rests(begin_s, now_s)
+    long = [start_s for start_s, end_s in rests if end_s - start_s > PAUSE_S]
+    safe = "safe" in witness.states(begin_s, now_s)
+    words = f"stopped after {long[0] - begin_s:.2f} s" if long else "safe" if safe else "did"
+    return [
+        Measured(what="sails on", promised="always", measured=words, kept=not long and not safe)
+    ]
 
 
 def _rests(promise: Promise, witness: Witness, end_s: float, now_s: float) -> list[Measured]:

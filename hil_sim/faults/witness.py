@@ -57,6 +57,15 @@ class Witness:
         stops = [t for t, turning in self.turns if begin_s < t <= end_s and not turning]
         return stops[-1] if stops else begin_s
 
+    def rests(self, begin_s: float, end_s: float) -> list[tuple[float, float]]:
+        """Give from when to when [s] the propellers stood still, of what began between two times."""
+        ends = [t for t, _ in self.turns[1:]] + [end_s]
+        return [
+            (t, min(until, end_s))
+            for (t, turning), until in zip(self.turns, ends, strict=False)
+            if not turning and begin_s <= t <= end_s
+        ]
+
     def turning_from(self, begin_s: float) -> float | None:
         """Give when [s] the propellers turned first from a time on; None: never."""
         if self.turning(begin_s):

@@ -23,9 +23,9 @@ def act(at_s: float, does: str) -> Made:
     return Made(0, fault, at_s, at_s + 0.01)
 
 
-def verdict(turns=STOPS, *, made=MADE, log="", **promise):
+def verdict(turns=STOPS, *, made=MADE, told=TOLD, log="", **promise):
     witness = Witness()
-    witness.turns, witness.events, witness.bridge = list(turns), list(TOLD), MANUAL
+    witness.turns, witness.events, witness.bridge = list(turns), list(told), MANUAL
     promised = Promise(fault="x", reaction="y", **promise)
     return judge("mine", promised, made, witness, now_s=NOW_S, log=log)
 
@@ -76,6 +76,13 @@ def test_a_promise_that_was_broken_is_named(promise, words: str) -> None:
     assert not found.kept
     (broken,) = [row for row in found.rows if not row.kept]
     assert words in broken.measured
+
+
+def test_a_vessel_that_sails_on_may_rest_for_a_moment_but_not_be_safe() -> None:
+    moment = ((0.0, True), (5.4, False), (6.0, True))
+    assert verdict(moment, told=(), sails_on=True).kept
+    assert not verdict(STOPS, told=(), sails_on=True).kept
+    assert measured(verdict(moment, sails_on=True))[0] == "safe"
 
 
 def test_a_vessel_that_rests_does_not_turn_until_the_end() -> None:
