@@ -58,7 +58,7 @@ class Witness:
         return stops[-1] if stops else begin_s
 
     def rests(self, begin_s: float, end_s: float) -> list[tuple[float, float]]:
-        """Give from when to when [s] the propellers stood still, of what began between two times."""
+        """Give from when to when [s] the propellers stood still, of rests that began in between."""
         ends = [t for t, _ in self.turns[1:]] + [end_s]
         return [
             (t, min(until, end_s))
