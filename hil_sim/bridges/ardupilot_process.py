@@ -9,7 +9,8 @@ from pathlib import Path
 
 from twinscrew.hil_sim.autopilot.parameters import SHIPPED
 from twinscrew.hil_sim.autopilot.telemetry import Origin
-from twinscrew.runtime.errors import ConfigError, LinkError
+from twinscrew.hil_sim.last_words import ended
+from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.link.parm import read_parm
 
 HOST = "127.0.0.1"
@@ -21,8 +22,6 @@ MAVLINK_PORT = 5760
 """TCP port of its first serial port, instance 0; it waits there for a connection at start-up."""
 PARAMETERS_FILE = "ardurover.parm"
 LOG_FILE = "ardurover.txt"
-LOG_TAIL = 400
-"""[characters] Of a dead simulator's last words to repeat."""
 STOP_LIMIT_S = 5.0
 """[s] How long it may take to stop."""
 
@@ -101,10 +100,8 @@ class Process:
 
     def check(self) -> None:
         """Raise a `LinkError`, with its last words, if it has ended."""
-        status = self._process.poll()
-        if status is not None:
-            words = self._log.read_text(errors="replace")[-LOG_TAIL:].strip()
-            raise LinkError(f"ArduPilot's {self._name} ended with status {status}: {words}")
+        if self._process.poll() is not None:
+            raise ended(f"ArduPilot's {self._name}", self._process, self._log.read_bytes())
 
     def close(self) -> None:
         """Stop it, and wait for it."""

@@ -19,7 +19,8 @@ import msgspec
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilotSettings
 from twinscrew.hil_sim.drivers.fleet import LOOPBACK
 from twinscrew.hil_sim.drivers.lockstep import SteppedCrew
-from twinscrew.hil_sim.drivers.realtime import LOG_TAIL, START_LIMIT_S, STOP_LIMIT_S, free_port
+from twinscrew.hil_sim.drivers.realtime import START_LIMIT_S, STOP_LIMIT_S, free_port
+from twinscrew.hil_sim.last_words import ended
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.session import RunSummary, inputs_of
 from twinscrew.runtime.app.stepped_process import SERVICE, Orders, Rest, Step
@@ -127,9 +128,7 @@ class RemoteRuntime:
         """Raise, with its last words, if the process has ended."""
         if self._process.poll() is not None:
             self._log.seek(0)
-            words = self._log.read()[-LOG_TAIL:].decode(errors="replace").strip()
-            status = self._process.returncode
-            raise LinkError(f"the runtime of {self._name} ended with status {status}: {words}")
+            raise ended(f"the runtime of {self._name}", self._process, self._log.read())
 
 
 class ProcessCrew(SteppedCrew):

@@ -18,6 +18,7 @@ import tomli_w
 
 from twinscrew.hil_sim.drivers.fleet import LOOPBACK, Fleet, simulated_fleet
 from twinscrew.hil_sim.drivers.punctual import ordinary
+from twinscrew.hil_sim.last_words import ended
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.session import inputs_of
 from twinscrew.runtime.bus.base import Received, Receiver
@@ -37,8 +38,6 @@ SETTLE_S = 0.5
 CONFIG_FILE = "runtime.toml"
 LOG_FILE = "log.txt"
 """In each vessel's folder: what its runtime is told, and what it says."""
-LOG_TAIL = 400
-"""[characters] Of a dead runtime's last words to repeat."""
 
 
 class RealtimeCrew:
@@ -150,9 +149,8 @@ class RealtimeCrew:
         for vessel, process in enumerate(self._processes):
             if vessel not in self._down and process.poll() is not None:
                 log = self._folders[vessel] / LOG_FILE
-                words = log.read_text(errors="replace")[-LOG_TAIL:].strip()
-                name, status = self._configs[vessel].name, process.returncode
-                raise LinkError(f"the runtime of {name} ended with status {status}: {words}")
+                name = self._configs[vessel].name
+                raise ended(f"the runtime of {name}", process, log.read_bytes())
 
     def kill(self, vessel: int) -> None:
         """Kill a vessel's runtime as hard as can be; that is no error until it is started again."""
