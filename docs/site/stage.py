@@ -117,7 +117,8 @@ def pages_in(folder: Path) -> list[Path]:
 def stage(folder: Path) -> list[str]:
     """Lay out the whole site anew; give the links that lead nowhere."""
     shutil.rmtree(folder, ignore_errors=True)
-    shutil.copytree(DOCS / "images", folder / "images")
+    for beside in ("images", "data"):
+        shutil.copytree(DOCS / beside, folder / beside)
     site = Site(folder)
     for source in (
         *(ROOT / name for name in PLACES),
