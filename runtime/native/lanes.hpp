@@ -34,6 +34,30 @@ inline Float4 select(Int4 condition, Float4 yes, Float4 no) {
                                   (~condition & reinterpret_cast<Int4>(no)));
 }
 
+// Lane by lane: a if it is less than b, else b.
+inline Float4 lesser(Float4 a, Float4 b) {
+#if defined(__SSE2__)
+  return reinterpret_cast<Float4>(
+      _mm_min_ps(reinterpret_cast<__m128>(a), reinterpret_cast<__m128>(b)));
+#else
+  return select(a < b, a, b);
+#endif
+}
+
+// Four records of x, y, z in a row, taken apart.
+struct Float4x3 {
+  Float4 x, y, z;
+
+  explicit Float4x3(const float* from) {
+    const Float4 a = load(from), b = load(from + LANES), c = load(from + 2 * LANES);
+    const Float4 ab = __builtin_shufflevector(a, b, 0, 3, 6, 1);  // x0 x1 x2 y0
+    const Float4 bc = __builtin_shufflevector(b, c, 0, 3, 6, 1);  // y1 y2 y3 z1
+    x = __builtin_shufflevector(ab, c, 0, 1, 2, 5);
+    y = __builtin_shufflevector(ab, bc, 3, 4, 5, 6);
+    z = __builtin_shufflevector(__builtin_shufflevector(a, bc, 2, 7, 2, 7), c, 0, 1, 4, 7);
+  }
+};
+
 inline Float4 absolute(Float4 v) {
   return reinterpret_cast<Float4>(reinterpret_cast<Int4>(v) & 0x7fffffff);
 }

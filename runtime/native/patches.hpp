@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "lanes.hpp"
 #include "plane.hpp"
 #include "range_image.hpp"
 #include "union_find.hpp"
@@ -55,14 +56,17 @@ class PatchMap {
     fragments_.reserve(cells);
     const float gap = std::max(rule.across, rule.along);
     // Half of the squares around one: the other half look at it themselves.
-    const auto far = static_cast<std::int32_t>(std::ceil(gap * plane.per_metre)) + 1;
+    const auto far =
+        std::min(static_cast<std::int32_t>(std::ceil(gap * plane.per_metre)) + 1, plane.side - 1);
     for (std::int32_t dx = 0; dx <= far; ++dx) {
       for (std::int32_t dy = dx == 0 ? 1 : -far; dy <= far; ++dy) {
         const float nx = static_cast<float>(std::max(0, std::abs(dx) - 1)) / plane.per_metre;
         const float ny = static_cast<float>(std::max(0, std::abs(dy) - 1)) / plane.per_metre;
-        if (nx * nx + ny * ny < gap * gap) around_.push_back({dx, dy});
+        if (nx * nx + ny * ny < gap * gap) around_.push_back(dx * plane.side + dy);
       }
     }
+    // Beyond the last square there is nothing, as far as anybody looks.
+    at_.resize(at_.size() + static_cast<std::size_t>(far * (plane.side + 1)), NONE);
   }
 
   // Unites the fragments, `labels` in 0 .. components - 1, that are one object.
@@ -86,9 +90,6 @@ class PatchMap {
 
  private:
   static constexpr std::int32_t NONE = -1;
-  struct Offset {
-    std::int32_t dx, dy;
-  };
 
   void clear() {
     for (const Patch& patch : patches_) at_[static_cast<std::size_t>(patch.square)] = NONE;
@@ -96,10 +97,11 @@ class PatchMap {
     fragments_.clear();
   }
 
+  // Past the end of a column of squares comes the next one's begin: `near` knows better.
   void unite_around(const Patch& patch) {
-    const std::int32_t x = patch.square / plane_.side, y = patch.square % plane_.side;
-    for (const Offset& offset : around_) {
-      const std::int32_t other = patch_at(x + offset.dx, y + offset.dy);
+    const std::int32_t* const here = &at_[static_cast<std::size_t>(patch.square)];
+    for (const std::int32_t offset : around_) {
+      const std::int32_t other = here[offset];
       if (other == NONE) continue;
       const Patch& beside = patches_[static_cast<std::size_t>(other)];
       if (patch.fragment != beside.fragment && near(patch, beside, rule_)) {
@@ -108,30 +110,39 @@ class PatchMap {
     }
   }
 
-  std::int32_t patch_at(std::int32_t x, std::int32_t y) const {
-    const bool inside = x >= 0 && x < plane_.side && y >= 0 && y < plane_.side;
-    return inside ? at_[static_cast<std::size_t>(x * plane_.side + y)] : NONE;
-  }
+  // What lies in one square side by side in a row; made for registers.
+  struct Stretch {
+    Float4 bounds{};  // [m] of x, y, -x, -y: the least
+    double x_sum = 0.0, y_sum = 0.0;
+    std::int32_t count = 0, fragment = NONE, square = NONE;
 
-  // Neighbours in a row mostly share a square, so a patch is added up before it is stored.
+    Patch patch() const {
+      return {bounds[0], -bounds[2], bounds[1], -bounds[3], x_sum, y_sum, count, fragment, square};
+    }
+  };
+
+  // Neighbours in a row mostly share a square, so they are added up before they are stored.
   void gather(const RangeImage& image, const std::vector<std::int32_t>& labels) {
     std::int32_t* const patch_of = patch_of_.data();
-    Patch sum{};
+    Stretch sum;
     std::int32_t number = NONE;
     image.each([&](std::size_t cell) {
-      const Echo echo = image.echo(cell);
+      const Echo& echo = image.echo(cell);
       const std::int32_t fragment = labels[cell];
-      const Patch one{echo.x, echo.x, echo.y, echo.y, echo.x, echo.y, 1, fragment, echo.square};
+      const Float4 here{echo.x, echo.y, -echo.x, -echo.y};
       if (number != NONE && sum.square == echo.square && sum.fragment == fragment) {
-        add(sum, one);
+        sum.bounds = lesser(here, sum.bounds);
+        sum.x_sum += echo.x;
+        sum.y_sum += echo.y;
+        ++sum.count;
       } else {
-        put(sum, number);
-        sum = one;
+        put(sum.patch(), number);
+        sum = {here, echo.x, echo.y, 1, fragment, echo.square};
         number = number_at(echo.square);
       }
       patch_of[cell] = number;
     });
-    put(sum, number);
+    put(sum.patch(), number);
   }
 
   // The number of a square's patch, which is made if it has none.
@@ -170,7 +181,7 @@ class PatchMap {
   std::vector<std::int32_t> at_;        // the patch of each square
   std::vector<std::int32_t> patch_of_;  // the patch of each occupied cell of the range image
   std::vector<Patch> patches_;
-  std::vector<Offset> around_;
+  std::vector<std::int32_t> around_;    // from a square to those near it that come later
   UnionFind fragments_;
 };
 

@@ -1,7 +1,9 @@
 // From points to the range image: gates, angles, the vessel's attitude and motion, masks.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -112,7 +114,7 @@ class Projection {
       find(gathered, X_BS, X_LS);
       if (motion != nullptr) deskew(gathered, cloud, X_BS, R_LB, *motion);
       find_squares(gathered);
-      for (std::size_t i = 0; i < gathered; ++i) put(i, cloud, image);
+      put(gathered, cloud, image);
     }
     return counts_;
   }
@@ -121,25 +123,48 @@ class Projection {
   static constexpr std::size_t BLOCK = 512;
   using Lane = std::array<float, BLOCK>;
 
-  // Keeps the points within range; NaN fails every comparison, infinity the upper one.
+  // Keeps the points within range; NaN fails every comparison, infinity the upper one. Four at a
+  // time; those that are left over are filled up with points at the origin, which are none.
   std::size_t gather(std::span<const float> points_S, std::size_t begin, std::size_t end) {
-    const float least = gates_.range_min * gates_.range_min;
-    const float greatest = gates_.range_max * gates_.range_max;
-    constexpr float finite = std::numeric_limits<float>::max();
-    std::size_t n = 0, present = 0;
-    for (std::size_t i = begin; i < end; ++i) {
-      const float x = points_S[3 * i], y = points_S[3 * i + 1], z = points_S[3 * i + 2];
-      const float square = x * x + y * y + z * z;
-      x_[n] = x;
-      y_[n] = y;
-      z_[n] = z;
-      range_[n] = square;
-      point_[n] = static_cast<std::int32_t>(i);
-      present += static_cast<std::size_t>(square > 0.0F && square <= finite);
-      n += static_cast<std::size_t>(square > 0.0F && square >= least && square <= greatest);
+    std::size_t n = 0, present = 0, i = begin;
+    for (; i + LANES <= end; i += LANES) n = keep(Float4x3(&points_S[3 * i]), i, n, present);
+    if (i < end) {
+      std::array<float, 3 * LANES> rest{};
+      std::copy(points_S.begin() + static_cast<std::ptrdiff_t>(3 * i),
+                points_S.begin() + static_cast<std::ptrdiff_t>(3 * end), rest.begin());
+      n = keep(Float4x3(rest.data()), i, n, present);
     }
     counts_.empty += static_cast<std::int64_t>(end - begin - present);
     counts_.range += static_cast<std::int64_t>(present - n);
+    return n;
+  }
+
+  // Stores what is kept of four points, the first of which is `i`, from `n` on; gives the new n.
+  std::size_t keep(const Float4x3& p, std::size_t i, std::size_t n, std::size_t& present) {
+    constexpr float finite = std::numeric_limits<float>::max();
+    const float least = gates_.range_min * gates_.range_min;
+    const float greatest = gates_.range_max * gates_.range_max;
+    const Float4 square = p.x * p.x + p.y * p.y + p.z * p.z;
+    const Int4 some = square > 0.0F;
+    const unsigned kept = bits(some & (square >= least) & (square <= greatest));
+    present += static_cast<std::size_t>(std::popcount(bits(some & (square <= finite))));
+    const auto first = static_cast<std::int32_t>(i);
+    if (kept == 15U) {
+      store(&x_[n], p.x);
+      store(&y_[n], p.y);
+      store(&z_[n], p.z);
+      store(&range_[n], square);
+      store(&point_[n], Int4{0, 1, 2, 3} + first);
+      return n + LANES;
+    }
+    for (unsigned left = kept; left != 0; left &= left - 1, ++n) {
+      const int lane = std::countr_zero(left);
+      x_[n] = p.x[lane];
+      y_[n] = p.y[lane];
+      z_[n] = p.z[lane];
+      range_[n] = square[lane];
+      point_[n] = first + lane;
+    }
     return n;
   }
 
@@ -175,19 +200,26 @@ class Projection {
     }
   }
 
-  void put(std::size_t i, const Cloud& cloud, RangeImage& image) {
-    if (out_[i] != 0) {
-      ++(out_[i] < 0 ? counts_.no_beam : counts_.hull);
-      return;
+  // What becomes of the gathered points. The counts are copies, which stay in registers.
+  void put(std::size_t n, const Cloud& cloud, RangeImage& image) {
+    std::int64_t no_beam = 0, hull = 0, water = 0, used = 0, hidden = 0;
+    RangeImage::Pen pen(image);
+    for (std::size_t i = 0; i < n; ++i) {
+      if (out_[i] != 0) {
+        ++(out_[i] < 0 ? no_beam : hull);
+      } else if (gates_.drop_water && is_water(i, cloud)) {
+        ++water;
+      } else {
+        const int row = scanner_.row(bin_[i], tangent_[i]);
+        const Echo echo{p_L_[0][i], p_L_[1][i], square_[i], point_[i]};
+        ++(pen.put(row, column_[i], range_[i], echo) ? used : hidden);
+      }
     }
-    if (gates_.drop_water && is_water(i, cloud)) {
-      ++counts_.water;
-      return;
-    }
-    const int row = scanner_.row(bin_[i], tangent_[i]);
-    const Echo echo{p_L_[0][i], p_L_[1][i], square_[i], point_[i]};
-    const bool fresh = image.put(row, column_[i], range_[i], echo);
-    ++(fresh ? counts_.used : counts_.hidden);
+    counts_.no_beam += no_beam;
+    counts_.hull += hull;
+    counts_.water += water;
+    counts_.used += used;
+    counts_.hidden += hidden;
   }
 
   bool is_water(std::size_t i, const Cloud& cloud) const {

@@ -40,21 +40,41 @@ class RangeImage {
            static_cast<std::size_t>(column);
   }
 
-  bool occupied(int row, int column) const {
-    return (word(row, column) >> (static_cast<unsigned>(column) % 64)) & 1U;
-  }
+  // Puts echoes into the image. It holds the word of occupancy that it is at, since most echoes are
+  // beside the one before: no later one waits for that word to come back from memory.
+  class Pen {
+   public:
+    explicit Pen(RangeImage& image) : image_(image), bits_(image.occupied_[0]) {}
+    ~Pen() { image_.occupied_[at_] = bits_; }
+    Pen(const Pen&) = delete;
+    Pen& operator=(const Pen&) = delete;
 
-  // Keeps the nearest echo of a cell. True if the cell was empty.
-  bool put(int row, int column, float range, const Echo& echo) {
-    const std::size_t at = cell(row, column);
-    const bool empty = !occupied(row, column);
-    if (empty || range < range_[MARGIN + at]) {
-      word(row, column) |= std::uint64_t{1} << (static_cast<unsigned>(column) % 64);
-      range_[MARGIN + at] = range;
-      echo_[at] = echo;
+    // Keeps the nearest echo of a cell. True if the cell was empty.
+    bool put(int row, int column, float range, const Echo& echo) {
+      move_to(image_.word_index(row, column));
+      const std::size_t cell = image_.cell(row, column);
+      const std::uint64_t bit = std::uint64_t{1} << (static_cast<unsigned>(column) % WORD);
+      const bool empty = (bits_ & bit) == 0;
+      if (empty || range < image_.range_[MARGIN + cell]) {
+        bits_ |= bit;
+        image_.range_[MARGIN + cell] = range;
+        image_.echo_[cell] = echo;
+      }
+      return empty;
     }
-    return empty;
-  }
+
+   private:
+    void move_to(std::size_t word) {
+      if (word == at_) return;
+      image_.occupied_[at_] = bits_;
+      at_ = word;
+      bits_ = image_.occupied_[word];
+    }
+
+    RangeImage& image_;
+    std::size_t at_ = 0;
+    std::uint64_t bits_;
+  };
 
   // Of all cells; what was not put there in this scan is of no meaning.
   const float* ranges() const { return range_.data() + MARGIN; }
@@ -104,11 +124,8 @@ class RangeImage {
   }
 
  private:
-  std::uint64_t& word(int row, int column) {
-    return occupied_[static_cast<std::size_t>(row) * words_ + static_cast<std::size_t>(column) / 64];
-  }
-  const std::uint64_t& word(int row, int column) const {
-    return occupied_[static_cast<std::size_t>(row) * words_ + static_cast<std::size_t>(column) / 64];
+  std::size_t word_index(int row, int column) const {
+    return static_cast<std::size_t>(row) * words_ + static_cast<std::size_t>(column) / WORD;
   }
 
   int rows_, columns_;

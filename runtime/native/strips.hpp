@@ -62,9 +62,17 @@ class Strips {
     bool whole;
   };
 
-  static float squared(const End& a, const End& b) {
-    return (b.x - a.x) * (b.x - a.x) + (b.y - a.y) * (b.y - a.y);
-  }
+  // What the next echo is compared with, and the sums so far; made for registers.
+  struct Open {
+    float x, y;
+    std::int32_t circle, count;
+    double x_sum, y_sum;
+    std::size_t cell;
+    int column;
+  };
+
+  static float squared(float dx, float dy) { return dx * dx + dy * dy; }
+  static float squared(const End& a, const End& b) { return squared(b.x - a.x, b.y - a.y); }
 
   bool one(const End& a, const End& b) const {
     return a.circle == b.circle && squared(a, b) < rules_.gap * rules_.gap;
@@ -75,31 +83,44 @@ class Strips {
     return apart <= 2 && a.circle != b.circle && a.range < b.range + rules_.gap;
   }
 
-  // Pieces are gathered before they are stored.
+  // Cuts a row into pieces. An echo that goes on with the one before is only added up.
   template <class CircleOf>
   void cut(const RangeImage& image, int row, CircleOf circle_of) {
     row_.clear();
-    Piece piece{};
+    const float gap2 = rules_.gap * rules_.gap;
+    Open open{};
     image.each_in_row(row, [&](int column, std::size_t cell) {
       const Echo& echo = image.echo(cell);
-      const End here{echo.x, echo.y, image.range(cell), circle_of(cell), column};
-      if (piece.count > 0 && one(piece.last, here)) {
-        piece.last = here;
-        piece.x_sum += here.x;
-        piece.y_sum += here.y;
-        ++piece.count;
+      const std::int32_t circle = circle_of(cell);
+      if (open.count > 0 && circle == open.circle &&
+          squared(echo.x - open.x, echo.y - open.y) < gap2) {
+        open = {echo.x, echo.y, circle, open.count + 1, open.x_sum + echo.x, open.y_sum + echo.y,
+                cell, column};
         return;
       }
-      bool whole = true;
-      if (piece.count > 0) {
-        const int apart = here.column - piece.last.column;
-        piece.whole = piece.whole && !hides(here, piece.last, apart);
-        whole = !hides(piece.last, here, apart);
-        row_.push_back(piece);
-      }
-      piece = {here, here, here.x, here.y, 1, whole};
+      const End here{echo.x, echo.y, image.range(cell), circle, column};
+      const bool whole = open.count == 0 || close(image, open, here);
+      row_.push_back({here, here, 0.0, 0.0, 0, whole});
+      open = {echo.x, echo.y, circle, 1, echo.x, echo.y, cell, column};
     });
-    if (piece.count > 0) row_.push_back(piece);
+    if (open.count > 0) end(image, open);
+  }
+
+  // Ends the last piece where `here` begins; tells whether the begin is the next object's own.
+  bool close(const RangeImage& image, const Open& open, const End& here) {
+    end(image, open);
+    Piece& piece = row_.back();
+    const int apart = here.column - piece.last.column;
+    piece.whole = piece.whole && !hides(here, piece.last, apart);
+    return !hides(piece.last, here, apart);
+  }
+
+  void end(const RangeImage& image, const Open& open) {
+    Piece& piece = row_.back();
+    piece.last = {open.x, open.y, image.range(open.cell), open.circle, open.column};
+    piece.x_sum = open.x_sum;
+    piece.y_sum = open.y_sum;
+    piece.count = open.count;
   }
 
   // The last column of a full turn is beside the first.
