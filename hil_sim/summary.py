@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.table import Table
 
-from twinscrew.hil_sim.sitl import SitlReport
+from twinscrew.hil_sim.sitl_report import SitlReport
 
 COLOURS = {"goal": "green", "collision": "red", "timeout": "yellow"}
 

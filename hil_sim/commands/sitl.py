@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -11,14 +11,13 @@ from typing import Annotated
 import msgspec
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
 
 from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotSettings
-from twinscrew.hil_sim.faults.table import as_table as faults_table
+from twinscrew.hil_sim.commands.sitl_answer import tell
+from twinscrew.hil_sim.commands.sitl_progress import sail_shown
 from twinscrew.hil_sim.scenario import Scenario, load_scenario
-from twinscrew.hil_sim.sitl import AutopilotKind, OdometrySource, SitlReport, SitlSettings, sail
-from twinscrew.hil_sim.summary import as_dict, as_table, write_summary
-from twinscrew.hil_sim.supervisor import Result
+from twinscrew.hil_sim.sitl_settings import AutopilotKind, OdometrySource, SitlSettings
+from twinscrew.hil_sim.summary import write_summary
 from twinscrew.hil_sim.viewer.process import viewer
 from twinscrew.hil_sim.viewer.scene import write_scene
 from twinscrew.runtime.errors import ConfigError
@@ -115,10 +114,10 @@ def sitl(
         if view and not lockstep:
             shown = stack.enter_context(viewer("run", folder, port))
             console.print(f"live view: [bold]{shown.url}[/bold]")
-        report = _sail(made, settings, folder, console, quiet=as_json)
+        report = sail_shown(made, settings, folder, console, quiet=as_json)
     setup = {"scenario": made.name, **msgspec.to_builtins(settings)}
     write_summary(folder / "summary.json", report, setup)
-    _tell(report, folder, as_json=as_json)
+    tell(report, folder, as_json=as_json)
     if view and lockstep:
         _show(folder, port, console)
     if not report.success or not report.kept:
@@ -126,8 +125,6 @@ def sitl(
 
 
 def _with_limit(scenario: Scenario, max_time: float | None) -> Scenario:
-    from dataclasses import replace
-
     if max_time is None:
         return scenario
     if not 0.0 < max_time < float("inf"):
@@ -146,71 +143,8 @@ def _new_folder(out: Path | None) -> Path:
     return folder
 
 
-def _sail(
-    scenario: Scenario, settings: SitlSettings, folder: Path, console: Console, *, quiet: bool
-) -> SitlReport:
-    def tell(words: str) -> None:
-        console.print(words, markup=False, highlight=False, soft_wrap=True)
-
-    if quiet:
-        return sail(scenario, settings, folder, tell=tell)
-    if not console.is_terminal:
-        return sail(scenario, settings, folder, _Lines(console), tell)
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[state]}"))
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task("at the dock", total=scenario.time_limit_s, state="")
-
-        def progress(time_s: float, results: tuple[Result, ...]) -> None:
-            bar.update(
-                task, completed=time_s, description=f"{time_s:5.1f} s", state=_states(results)
-            )
-
-        return sail(scenario, settings, folder, progress, tell)
-
-
-class _Lines:
-    """Progress for a log: a line every few simulated seconds, and when a voyage ends."""
-
-    EVERY_S = 5.0
-
-    def __init__(self, console: Console) -> None:
-        self._console = console
-        self._next_s = 0.0
-        self._told = ""
-
-    def __call__(self, time_s: float, results: tuple[Result, ...]) -> None:
-        """Tell, if it is time to or something happened."""
-        states = _states(results)
-        if time_s < self._next_s and states == self._told:
-            return
-        self._next_s = time_s + self.EVERY_S
-        self._told = states
-        self._console.print(f"{time_s:5.1f} s  {states}")
-
-
-def _states(results: tuple[Result, ...]) -> str:
-    return ", ".join(f"{result.name} {_state(result)}" for result in results)
-
-
 def _show(folder: Path, port: int, console: Console) -> None:
     with viewer("replay", folder, port) as shown:
         console.print(f"view: [bold]{shown.url}[/bold], until Ctrl-C")
         with suppress(KeyboardInterrupt):
             shown.wait()
-
-
-def _state(result: Result) -> str:
-    return "under way" if result.outcome is None else result.outcome.value
-
-
-def _tell(report: SitlReport, folder: Path, *, as_json: bool) -> None:
-    if as_json:
-        print(json.dumps(as_dict(report)))
-        return
-    console = Console()
-    console.print(as_table(report))
-    if report.verdicts:
-        names, found = zip(*report.verdicts, strict=True)
-        console.print(faults_table(found, names=names))
-    console.print(f"{report.real_time_factor:.1f} x real time; decisions {report.sha256[:16]}...")
-    console.print(f"[bold]{folder}[/bold]: summary.json, trajectories.png, <vessel>/recording")

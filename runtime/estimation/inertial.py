@@ -93,6 +93,11 @@ class InertialFilter:
         variances = self.P.diagonal()
         return bool(np.isfinite(self.x).all() and (variances > 0.0).all())
 
+    def horizontal_sigma(self, states: slice) -> float:
+        """Give the standard deviation of position [m] or velocity [m/s] in its worst direction."""
+        (a, b, _), (_, d, _), _ = self.P[states, states].tolist()
+        return math.sqrt(0.5 * (a + d) + math.hypot(0.5 * (a - d), b))
+
     def place(self, position_N: Float64, position_R: Float64) -> None:
         """Start anew from a position, at an unknown speed; attitude and biases are kept."""
         x, P = self._filter.x, self._filter.P

@@ -10,9 +10,10 @@ import numpy as np
 from twinscrew.hil_sim.sensors.imu import ImuSettings, SimulatedImu, TriadSettings
 from twinscrew.hil_sim.sensors.receiver import ReceiverSettings, SimulatedReceiver
 from twinscrew.hil_sim.vessel.state import VesselState
-from twinscrew.runtime.estimation.estimator import EstimationSettings, Estimator
+from twinscrew.runtime.estimation.estimator import Estimator
 from twinscrew.runtime.estimation.kinematics import euler_rates, rotation
 from twinscrew.runtime.estimation.sensors import SensorSettings
+from twinscrew.runtime.estimation.settings import EstimationSettings
 from twinscrew.runtime.estimation.wgs84 import LocalFrame, Place
 from twinscrew.runtime.geometry.frames import quaternion_from_euler
 from twinscrew.runtime.link.datum import Datum

@@ -15,10 +15,13 @@ import numpy as np
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sensors.navigation import Navigation, NavigationSettings
 from twinscrew.hil_sim.sensors.receiver import ReceiverSettings
-from twinscrew.hil_sim.sitl import DATUM, OdometrySource, SitlSettings, sail
+from twinscrew.hil_sim.sitl import SitlSettings, sail
+from twinscrew.hil_sim.sitl_runtimes import DATUM
+from twinscrew.hil_sim.sitl_settings import OdometrySource
 from twinscrew.hil_sim.world import make_world
-from twinscrew.runtime.estimation.estimator import EstimationSettings, Estimator
+from twinscrew.runtime.estimation.estimator import Estimator
 from twinscrew.runtime.estimation.kinematics import ATTITUDE, GYRO_BIAS, POSITION, VELOCITY
+from twinscrew.runtime.estimation.settings import EstimationSettings
 from twinscrew.runtime.geometry.angles import wrap
 from twinscrew.runtime.geometry.frames import euler_from_quaternion, rotation_from_quaternion
 from twinscrew.runtime.messages import cdr

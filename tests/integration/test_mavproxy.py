@@ -13,7 +13,7 @@ from tests.harness.commands import as_json, start, twinscrew
 from tests.harness.mavproxy import PROGRAM, MavProxy
 from tests.harness.waiting import wait_until
 
-from twinscrew.hil_sim.sitl import DATUM
+from twinscrew.hil_sim.sitl_runtimes import DATUM
 from twinscrew.runtime.app.recording import find_recordings
 from twinscrew.runtime.link.datum import to_degrees
 from twinscrew.runtime.messages import cdr

@@ -10,7 +10,8 @@ from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotSettings
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sensors.navigation import NavigationSettings
 from twinscrew.hil_sim.sensors.receiver import ReceiverSettings
-from twinscrew.hil_sim.sitl import AutopilotKind, OdometrySource, SitlSettings, sail
+from twinscrew.hil_sim.sitl import sail
+from twinscrew.hil_sim.sitl_settings import AutopilotKind, OdometrySource, SitlSettings
 from twinscrew.runtime.app.recording import Recording, find_recordings
 from twinscrew.runtime.app.replay import combined_sha256, replay
 from twinscrew.runtime.errors import ConfigError

@@ -9,9 +9,9 @@ from tests.harness.circling import DATUM, EPOCH_NS, EXACT_GPS, FRAME, Circling, 
 
 from twinscrew.hil_sim.sensors.imu import ImuSettings
 from twinscrew.hil_sim.sensors.receiver import ReceiverSettings
-from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.estimation.events import KINDS
 from twinscrew.runtime.estimation.sensors import AntennaSettings, SensorSettings
+from twinscrew.runtime.estimation.settings import EstimationSettings
 from twinscrew.runtime.estimation.wgs84 import Place
 from twinscrew.runtime.geometry.frames import euler_from_quaternion
 from twinscrew.runtime.perception.sensor import Mount

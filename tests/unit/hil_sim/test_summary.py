@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from twinscrew.hil_sim.sitl import SitlReport, VesselReport
+from twinscrew.hil_sim.sitl_report import SitlReport, VesselReport
 from twinscrew.hil_sim.summary import as_dict, as_table, write_summary
 from twinscrew.runtime.app.latency import LatencySummary
 

@@ -1,0 +1,82 @@
+"""What software in the loop can be told, and what does not go together."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotSettings
+from twinscrew.hil_sim.sensors.navigation import NavigationSettings
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.settings import Settings
+
+
+class AutopilotKind(Enum):
+    """Whose autopilots."""
+
+    TWINSCREW = "twinscrew"
+    """Our simulated ones."""
+    ARDUPILOT = "ardupilot"
+    """A real ArduRover a vessel, whose physics the simulator is."""
+
+
+class OdometrySource(Enum):
+    """Where the runtimes' odometry comes from."""
+
+    BUS = "bus"
+    """The `odometry` topic: what the simulated sensor measures."""
+    AUTOPILOT = "autopilot"
+    """What the autopilot says of its position, velocity and attitude."""
+    AUTOPILOT_ODOMETRY = "autopilot_odometry"
+    """The same in one message, ODOMETRY, which ArduPilot does not send."""
+    GPS_IMU = "gps_imu"
+    """A filter of what a simulated GPS and IMU measure, with VRX's rates and noise."""
+
+
+class SitlSettings(Settings, frozen=True):
+    """What to sail with."""
+
+    sensor: str = "vrx32"
+    policy: str = "ac_iqn"
+    seed: int = 0
+    lockstep: bool = False
+    processes: bool = False
+    """In lock-step, whether each runtime has a process of its own, led over Zenoh."""
+    autopilot: AutopilotKind = AutopilotKind.TWINSCREW
+    ardupilot: ArduPilotSettings = ArduPilotSettings()
+    odometry: OdometrySource = OdometrySource.BUS
+    navigation: NavigationSettings = NavigationSettings()
+    """The simulated GPS and IMU; only for `odometry = "gps_imu"`."""
+    faults: str = ""
+    """A file of faults, or the name of one in config/faults; empty: none."""
+    write_params: bool = False
+    """Whether the runtimes write the autopilots' parameters that are not what they must be."""
+    ground: str = ""
+    """HOST:PORT where a ground station listens for the autopilots (UDP); empty: there is none."""
+
+    @property
+    def simulates_autopilots(self) -> bool:
+        """Whether the autopilots are ours."""
+        return self.autopilot is AutopilotKind.TWINSCREW
+
+
+def check(settings: SitlSettings) -> None:
+    """Refuse what contradicts itself.
+
+    Raises
+    ------
+    ConfigError
+        Names the key and what would do.
+    """
+    ours = settings.simulates_autopilots
+    if settings.lockstep and settings.ground:
+        raise ConfigError("a ground station needs real time: without --lockstep", key="ground")
+    if settings.lockstep and not ours:
+        raise ConfigError("ArduPilot runs in real time only: without --lockstep", key="autopilot")
+    if not ours and settings.odometry is OdometrySource.AUTOPILOT_ODOMETRY:
+        raise ConfigError("ArduPilot sends no ODOMETRY: autopilot", key="odometry")
+    if settings.processes and not settings.lockstep:
+        raise ConfigError(
+            "in real time each has its process anyway: with --lockstep", key="processes"
+        )
+    if settings.faults and (settings.lockstep or settings.ground or not ours):
+        raise ConfigError("only in real time, with our autopilots and no station", key="faults")

@@ -1,0 +1,121 @@
+"""The voyages of software in the loop: in step, in real time, and in real time with faults."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from msgspec.structs import replace
+
+from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotFleet
+from twinscrew.hil_sim.drivers.fleet import Fleet, simulated_fleet
+from twinscrew.hil_sim.drivers.lockstep import LockstepCrew
+from twinscrew.hil_sim.drivers.processes import ProcessCrew
+from twinscrew.hil_sim.drivers.punctual import punctual
+from twinscrew.hil_sim.drivers.realtime import RealtimeCrew
+from twinscrew.hil_sim.drivers.voyage import DOCK_LIMIT_S, Crew, Voyage, VoyageResult
+from twinscrew.hil_sim.faults.assemble import faulty_crew, plans_by_vessel, verdicts
+from twinscrew.hil_sim.faults.plan import FaultPlan
+from twinscrew.hil_sim.faults.verdict import Verdict
+from twinscrew.hil_sim.sensors.navigation import Navigation
+from twinscrew.hil_sim.sitl_settings import OdometrySource, SitlSettings
+from twinscrew.hil_sim.supervisor import Result
+from twinscrew.hil_sim.world import World
+from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.session import RunSummary, nothing_told, read_summary
+from twinscrew.runtime.perception.sensor import load_sensor
+
+Progress = Callable[[float, tuple[Result, ...]], None]
+Tell = Callable[[str], None]
+ARDUPILOT_DOCK_LIMIT_S = 180.0
+"""[s] A real autopilot calibrates, finds its position and settles before it lets itself be armed
+(about 20 s, measured), and the last of several may be started late."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """What sails."""
+
+    settings: SitlSettings
+    world: World
+    configs: list[RuntimeConfig]
+    """Of the vessels' runtimes."""
+    folders: list[Path]
+    """Of the runtimes' files; none where nothing is kept."""
+    progress: Progress | None
+    """Told the simulated time and the present results."""
+    tell: Tell
+    """Told what the user has to do."""
+
+
+class Sailed(NamedTuple):
+    """What became of a voyage."""
+
+    result: VoyageResult
+    runs: Sequence[RunSummary]
+    """What the vessels' runtimes told."""
+    verdicts: tuple[tuple[str, Verdict], ...] = ()
+    """By vessel; none without faults."""
+
+
+def sail_in_step(setup: Setup) -> Sailed:
+    """Sail as fast as it goes, all determined."""
+    epoch_ns = setup.world.epoch_ns
+    if setup.settings.processes:
+        with ProcessCrew(setup.configs, epoch_ns=epoch_ns) as crew:
+            return Sailed(_voyage(setup, crew).run(), crew.summaries())
+    local = LockstepCrew(setup.configs, epoch_ns=epoch_ns)
+    try:
+        result = _voyage(setup, local).run()
+    finally:
+        local.close()
+    return Sailed(result, local.summaries())
+
+
+def sail_in_real_time(setup: Setup) -> Sailed:
+    """Sail with a process a runtime."""
+    fleet = _fleet(setup)
+    tell = setup.tell if fleet is not None else None
+    with RealtimeCrew(setup.configs, setup.folders, fleet, tell) as crew:
+        result = _voyage(setup, crew).run()
+    return Sailed(result, [read_summary(folder) for folder in setup.folders])
+
+
+def sail_with_faults(setup: Setup, plan: FaultPlan) -> Sailed:
+    """Sail in real time while things go wrong, and judge what the boats did about it."""
+    names, folders = setup.world.scenario.names, setup.folders
+    plans, seed = plans_by_vessel(plan, names), setup.settings.seed
+    with punctual(), faulty_crew(setup.world, setup.configs, folders, plans, seed) as crew:
+        result = _voyage(setup, crew).run()
+        down = crew.down
+    runs = [
+        nothing_told(names[vessel]) if vessel in down else read_summary(folder)
+        for vessel, folder in enumerate(folders)
+    ]
+    return Sailed(result, runs, tuple(verdicts(crew, plans, folders).items()))
+
+
+def _fleet(setup: Setup) -> Fleet | None:
+    """Give the autopilots; None where the crew's own do."""
+    settings, world = setup.settings, setup.world
+    if settings.simulates_autopilots:
+        ids = [index + 1 for index in range(world.scenario.vessels)]
+        return simulated_fleet(ids, ground=settings.ground) if settings.ground else None
+    ardupilot = replace(settings.ardupilot, ground=settings.ground)
+    return ArduPilotFleet(world, setup.folders, ardupilot, setup.tell)
+
+
+def _voyage(setup: Setup, crew: Crew) -> Voyage:
+    settings, world = setup.settings, setup.world
+    ours = settings.simulates_autopilots
+    sensed = settings.odometry is OdometrySource.GPS_IMU
+    return Voyage(
+        world,
+        crew,
+        scan_s=1.0 / load_sensor(settings.sensor).rate_hz,
+        dock_limit_s=DOCK_LIMIT_S if ours else ARDUPILOT_DOCK_LIMIT_S,
+        progress=setup.progress,
+        navigation=Navigation(world, settings.navigation) if sensed else None,
+    )
