@@ -14,7 +14,7 @@ from twinscrew.runtime.app.core import Core
 from twinscrew.runtime.app.health import Facts, Health, State
 from twinscrew.runtime.app.odometry_source import SENSED, OdometrySource
 from twinscrew.runtime.errors import MessageError
-from twinscrew.runtime.link.autopilot import AutopilotLink
+from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotStatus
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.types import Decision, Engagement, Float64, HealthEvent
@@ -139,10 +139,12 @@ class Controller:
         said = [replace(event, stamp_ns=self.stamp_ns) for event in self.link.events(now_s)]
         events = [*self._watchdog.check(now_s, self.stamp_ns), *said]
         self.note(tuple(events), now_s)
-        change = self.health.step(self._facts(now_s), self.stamp_ns)
+        status = self.link.status
+        may_drive = self._may_drive(status, now_s)
+        change = self.health.step(self._facts(status, may_drive, now_s), self.stamp_ns)
         if change:
             events.append(change)
-        engaged = self._may_drive(now_s) and not self._watchdog.stale
+        engaged = may_drive and not self._watchdog.stale
         if engaged == self._engaged:
             return None, tuple(events)
         self._engaged = engaged
@@ -186,18 +188,16 @@ class Controller:
         mission = self.core.pipeline.mission
         return mission.goal is not None and not mission.arrived
 
-    def _may_drive(self, now_s: float) -> bool:
-        status = self.link.status
+    def _may_drive(self, status: AutopilotStatus, now_s: float) -> bool:
         if status.obeying is False:
             self._disobeyed_until_s = now_s + DISOBEYED_S
         return status.engaged and now_s >= self._disobeyed_until_s
 
-    def _facts(self, now_s: float) -> Facts:
-        status = self.link.status
+    def _facts(self, status: AutopilotStatus, may_drive: bool, now_s: float) -> Facts:
         return Facts(
             inputs_heard=self._watchdog.all_heard and status.message_age_s < math.inf,
             inputs_fresh=not self._watchdog.stale and status.connected,
-            may_drive=self._may_drive(now_s),
+            may_drive=may_drive,
             fault=self._fault,
             has_goal=self._has_goal,
             warned=self.health.warned(now_s),

@@ -11,7 +11,7 @@ from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.messages.header import LIDAR_FRAME, read_header, write_header
 from twinscrew.runtime.messages.point_cloud2 import DATATYPES, read_points
 from twinscrew.runtime.messages.types import PointCloud
-from twinscrew.runtime.messages.wire import Reader, Writer
+from twinscrew.runtime.messages.wire import HEADER_SIZE, Reader, Writer
 
 POINT_CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
 
@@ -118,7 +118,15 @@ def _read_field(reader: Reader) -> PointField:
 
 
 def _write_fields(writer: Writer, fields: tuple[PointField, ...]) -> None:
+    writer.aligned(_fields_as_bytes(fields), 4)
+
+
+@lru_cache
+def _fields_as_bytes(fields: tuple[PointField, ...]) -> bytes:
+    """Give what a sensor's every cloud says of its fields, as it is after a multiple of four."""
+    writer = Writer()
     writer.values("I", 4, len(fields))
     for field in fields:
         writer.string(field.name)
         writer.values("IB3xI", 4, *field[1:])
+    return writer.payload()[HEADER_SIZE:]

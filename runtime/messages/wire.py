@@ -7,7 +7,8 @@ to its own size counted from the end of that header. Source: OMG DDS-XTypes 1.3,
 from __future__ import annotations
 
 import math
-import struct
+from functools import lru_cache
+from struct import Struct
 from typing import Any, Final, Literal, TypeAlias, TypeVar
 
 import numpy as np
@@ -25,6 +26,12 @@ T = TypeVar("T", bound=np.generic)
 ByteOrder: TypeAlias = Literal["<", ">"]
 
 _ORDERS: Final[dict[bytes, ByteOrder]] = {b"\x00\x00": ">", b"\x00\x01": "<"}
+
+
+@lru_cache(maxsize=256)
+def _record(order: ByteOrder, layout: str) -> Struct:
+    """Give the packer of a run of numbers: to make it costs as much as to use it."""
+    return Struct(order + layout)
 
 
 def byte_order(payload: bytes | memoryview, ros_type: str) -> ByteOrder:
@@ -64,8 +71,8 @@ class Reader:
 
     def values(self, layout: str, align: int) -> tuple[Any, ...]:
         """Read a fixed run of numbers; `layout` is `struct`'s, without a byte order."""
-        layout = self.order + layout
-        return struct.unpack_from(layout, self._data, self.take(struct.calcsize(layout), align))
+        record = _record(self.order, layout)
+        return record.unpack_from(self._data, self.take(record.size, align))
 
     def uint32(self) -> int:
         """Read an unsigned number of 4 bytes."""
@@ -140,18 +147,25 @@ class Writer:
 
     def align(self, size: int) -> None:
         """Pad to a multiple of `size`."""
-        self._parts += bytes((HEADER_SIZE - len(self._parts)) % size)
+        gap = (HEADER_SIZE - len(self._parts)) % size
+        if gap:
+            self._parts += bytes(gap)
 
     def values(self, layout: str, align: int, *values: object) -> None:
         """Write a fixed run of numbers; `layout` has no byte order of its own."""
         self.align(align)
-        self._parts += struct.pack("<" + layout, *values)
+        self._parts += _record("<", layout).pack(*values)
 
     def string(self, text: str) -> None:
         """Write a string."""
         data = text.encode()
         self.values("I", 4, len(data) + 1)
         self._parts += data + b"\x00"
+
+    def aligned(self, data: bytes, align: int) -> None:
+        """Write bytes that were made by another writer."""
+        self.align(align)
+        self._parts += data
 
     def octets(self, data: bytes | memoryview) -> None:
         """Write a sequence of bytes."""
