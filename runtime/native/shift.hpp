@@ -2,11 +2,12 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <span>
 #include <vector>
+
+#include "sorted_strips.hpp"
 
 namespace twinscrew {
 
@@ -26,8 +27,6 @@ struct Shift {
   double xx = 0.0, xy = 0.0, yy = 0.0;  // [m2] covariance
 };
 
-using Pair2 = std::array<double, 2>;
-
 // Finds the rigid motion, (d, turn), that takes the strips of one scan to those of the next: pairs
 // by nearness and equal length, then least squares, with less weight for what does not fit; again
 // from the better guess. Strips that only one scan shows find no partner and do no harm.
@@ -35,7 +34,6 @@ class ShiftFinder {
  public:
   explicit ShiftFinder(const ShiftRules& rules) : rules_(rules) {
     pairs_.reserve(256);
-    sorted_.reserve(256);
   }
 
   // before, after: rows of x, y, length, number of echoes. `turn` [rad] is the standard deviation
@@ -45,7 +43,7 @@ class ShiftFinder {
     Motion motion{guess[0], guess[1], 0.0};
     Shift shift;
     double search = rules_.search;
-    sort(before);
+    before_.sort(before);
     for (int round = 0; round < ROUNDS; ++round, search *= 0.5) {
       pair(after, motion, centre, search);
       if (pairs_.size() < static_cast<std::size_t>(rules_.pairs)) return {};
@@ -56,13 +54,8 @@ class ShiftFinder {
 
  private:
   static constexpr int ROUNDS = 3, PASSES = 3;
-  static constexpr std::size_t ROW = 4;
   struct Motion {
     double x, y, turn;
-  };
-  struct Strip {
-    double x, y, length;
-    std::size_t row;
   };
   struct Pair {
     double x, y;    // [m] where the strip is now, from the centre
@@ -81,49 +74,20 @@ class ShiftFinder {
     return {m.x - m.turn * y, m.y + m.turn * x};
   }
 
-  // By x, so that only those nearby are looked at. What is nowhere can be near nothing.
-  void sort(std::span<const double> before) {
-    sorted_.clear();
-    for (std::size_t b = 0; b + ROW <= before.size(); b += ROW) {
-      const Strip strip{before[b], before[b + 1], before[b + 2], b};
-      if (!std::isnan(strip.x)) sorted_.push_back(strip);
-    }
-    std::sort(sorted_.begin(), sorted_.end(), [](const Strip& a, const Strip& b) { return a.x < b.x; });
-  }
-
   void pair(std::span<const double> after, const Motion& motion, const Pair2& centre,
             double search) {
     pairs_.clear();
-    for (std::size_t a = 0; a + ROW <= after.size(); a += ROW) {
+    for (std::size_t a = 0; a + SortedStrips::ROW <= after.size(); a += SortedStrips::ROW) {
       const double x = after[a] - centre[0], y = after[a + 1] - centre[1];
-      const Pair2 d = moved(motion, x, y);
       const double spacing = after[a + 2] / std::max(after[a + 3] - 1.0, 1.0);
       const double differ = rules_.length + rules_.spacing * spacing;
-      // A little wider than the search, by more than any rounding.
-      const double wide = search + 1e-9 * (1.0 + search + std::abs(after[a]) + std::abs(d[0]));
-      const double from = after[a] - d[0] - wide, to = after[a] - d[0] + wide;
-      double nearest = search * search;
-      std::size_t which = 0;
-      Pair found{x, y, 0.0, 0.0, 0.0};
-      for (auto b = first_from(from); b != sorted_.end() && b->x <= to; ++b) {
-        if (!(std::abs(after[a + 2] - b->length) <= differ)) continue;
-        const double dx = after[a] - b->x, dy = after[a + 1] - b->y;
-        const double off = (dx - d[0]) * (dx - d[0]) + (dy - d[1]) * (dy - d[1]);
-        // Of strips that are as near as each other, the first one.
-        const bool first = off == nearest && found.weight > 0.0 && b->row < which;
-        if (!(off < nearest || first)) continue;
-        nearest = off;
-        which = b->row;
-        const double ends = rules_.ends * spacing;
-        found = {x, y, dx, dy, 1.0 / (rules_.sigma * rules_.sigma + ends * ends)};
-      }
-      if (found.weight > 0.0) pairs_.push_back(found);
+      const auto found = before_.nearest({after[a], after[a + 1], after[a + 2]},
+                                         moved(motion, x, y), differ, search);
+      if (!found) continue;
+      const double ends = rules_.ends * spacing;
+      const double weight = 1.0 / (rules_.sigma * rules_.sigma + ends * ends);
+      if (weight > 0.0) pairs_.push_back({x, y, (*found)[0], (*found)[1], weight});
     }
-  }
-
-  std::vector<Strip>::const_iterator first_from(double x) const {
-    return std::lower_bound(sorted_.begin(), sorted_.end(), x,
-                            [](const Strip& strip, double at) { return strip.x < at; });
   }
 
   // One Gauss-Newton step with Cauchy weights from the last motion.
@@ -152,7 +116,7 @@ class ShiftFinder {
   }
 
   ShiftRules rules_;
-  std::vector<Strip> sorted_;  // of the scan before
+  SortedStrips before_;
   std::vector<Pair> pairs_;
 };
 
