@@ -46,8 +46,8 @@ def soak(
             told_s += TELL_S
             console.print(f"{time_s / 60:5.1f} of {minutes:g} min", highlight=False)
 
-    vessels = sail(settings, 60.0 * minutes, seed, folder, tell)
-    found = findings(vessels, settings)
+    vessels, standstills = sail(settings, 60.0 * minutes, seed, folder, tell)
+    found = findings(vessels, standstills, 60.0 * minutes, settings)
     report = as_dict(vessels, found, minutes, seed)
     write(folder, vessels, found, report)
     if as_json:

@@ -65,12 +65,8 @@ class FaultyCrew:
         self._crew.__enter__()
         for rig, witness in zip(self._rigs, self.witnesses, strict=True):
             self._crew.listen(rig.vessel, "diagnostics", witness.hear)
+            self._crew.listen(rig.vessel, "decision", witness.read)
         return self
-
-    def count_decisions(self) -> None:
-        """Have the witnesses count decisions from now on."""
-        for rig, witness in zip(self._rigs, self.witnesses, strict=True):
-            self._crew.listen(rig.vessel, "decision", witness.count)
 
     @property
     def pids(self) -> tuple[int, ...]:

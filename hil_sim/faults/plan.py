@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from msgspec import Meta, field
 from msgspec.structs import replace
@@ -53,7 +53,10 @@ class Promise(Settings, frozen=True):
     event: str | None = None
     """The health event that names it."""
     event_s: Positive = 1.0
-    """[s] From the first fault's begin to that event."""
+    """[s] Until that event."""
+    event_from: Literal["fault", "thrust"] = "fault"
+    """What its time counts from: the first fault's begin, or in it a thrust asked for in MANUAL
+    without a break, where nothing else can show the fault."""
     state: str | None = None
     """The state that the boat is in before the first fault ends."""
     moves_again_s: Positive | None = None

@@ -13,8 +13,10 @@ from twinscrew.hil_sim.faults.witness import Witness
 
 APART_S = 0.1
 """[s] What happens within this is one thing."""
+LAG_S = 0.3
+"""[s] A decision is seen at the propellers so much later at the most, or they where it is not."""
 PAUSE_S = 1.0
-"""[s] A boat that sails on may rest for as long: at a waypoint, or for a decision of its policy."""
+"""[s] A boat that sails on, with nothing in its way, may decide to rest for as long."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +54,14 @@ class Verdict:
 
 
 def judge(
-    name: str, promise: Promise, made: list[Made], witness: Witness, *, now_s: float, log: str
+    name: str,
+    promise: Promise,
+    made: list[Made],
+    witness: Witness,
+    *,
+    now_s: float,
+    log: str,
+    free_way: bool = True,
 ) -> Verdict:
     """Hold what was seen against what was promised.
 
@@ -64,6 +73,9 @@ def judge(
         [s] When the witness stopped looking.
     log
         What the runtime said on standard error: a traceback there breaks every promise.
+    free_way
+        Whether nothing but the fault can be why the boat decides to rest. Elsewhere it may rest
+        as it likes: at a goal, or before what is in its way.
     """
     begin_s = min(fault.begin_s for fault in made)
     first_end_s = min(fault.end_s for fault in made)
@@ -75,10 +87,10 @@ def judge(
         first_end_s = now_s
     rows = [
         *_neutral(promise, witness, begin_s, first_end_s),
-        *_event(promise, witness, begin_s),
+        *_event(promise, witness, begin_s, first_end_s),
         *_state(promise, witness, begin_s, first_end_s),
         *_moves_again(promise, witness, end_s),
-        *_sails_on(promise, witness, begin_s, now_s),
+        *_sails_on(promise, witness, begin_s, now_s, free_way=free_way),
         *_rests(promise, witness, end_s, now_s),
         *_bridge(promise, witness),
         _no_traceback(log),
@@ -91,15 +103,24 @@ def _neutral(promise: Promise, witness: Witness, begin_s: float, end_s: float) -
         return []
     if not witness.turning(begin_s):
         return [Measured(what="neutral", promised="", measured="never turned", kept=False)]
-    still_s = witness.still_since(begin_s, end_s)
+    rests = witness.rests(begin_s, end_s)
+    still_s = rests[-1].begin_s if rests and rests[-1].end_s == end_s else None
     return [_within("neutral", still_s, begin_s, promise.neutral_s)]
 
 
-def _event(promise: Promise, witness: Witness, begin_s: float) -> list[Measured]:
+def _event(promise: Promise, witness: Witness, begin_s: float, end_s: float) -> list[Measured]:
     if promise.event is None:
         return []
     heard_s = witness.heard(promise.event, begin_s)
-    return [_within(promise.event, heard_s, begin_s, promise.event_s)]
+    if promise.event_from == "fault":
+        return [_within(promise.event, heard_s, begin_s, promise.event_s)]
+    until_s = end_s if heard_s is None else min(heard_s, end_s)
+    longest_s = max((span.length_s for span in witness.asked(begin_s, until_s)), default=0.0)
+    kept = longest_s <= promise.event_s
+    late = "no thrust to follow" if kept else "never"
+    words = late if heard_s is None else f"{longest_s:.2f} s"
+    promised = f"{promise.event_s:g} s of thrust"
+    return [Measured(what=promise.event, promised=promised, measured=words, kept=kept)]
 
 
 def _state(promise: Promise, witness: Witness, begin_s: float, end_s: float) -> list[Measured]:
@@ -114,16 +135,21 @@ def _state(promise: Promise, witness: Witness, begin_s: float, end_s: float) -> 
 def _moves_again(promise: Promise, witness: Witness, end_s: float) -> list[Measured]:
     if promise.moves_again_s is None:
         return []
-    return [_within("turns again", witness.turning_from(end_s), end_s, promise.moves_again_s)]
+    return [_within("turns again", witness.sails_from(end_s), end_s, promise.moves_again_s)]
 
 
-def _sails_on(promise: Promise, witness: Witness, begin_s: float, now_s: float) -> list[Measured]:
+def _sails_on(
+    promise: Promise, witness: Witness, begin_s: float, now_s: float, *, free_way: bool
+) -> list[Measured]:
     if not promise.sails_on:
         return []
-    rests = witness.rests(begin_s, now_s)
-    long = [start_s for start_s, end_s in rests if end_s - start_s > PAUSE_S]
+    stops = [span for span in witness.stops(begin_s, now_s) if span.length_s > LAG_S]
+    rests = [span for span in witness.rests(begin_s, now_s) if span.length_s > PAUSE_S]
+    long = sorted([*stops, *rests] if free_way else stops)
     safe = "safe" in witness.states(begin_s, now_s)
-    words = f"stopped after {long[0] - begin_s:.2f} s" if long else "safe" if safe else "did"
+    words = (
+        f"stopped after {long[0].begin_s - begin_s:.2f} s" if long else "safe" if safe else "did"
+    )
     return [
         Measured(what="sails on", promised="always", measured=words, kept=not long and not safe)
     ]
@@ -132,14 +158,14 @@ def _sails_on(promise: Promise, witness: Witness, begin_s: float, now_s: float) 
 def _rests(promise: Promise, witness: Witness, end_s: float, now_s: float) -> list[Measured]:
     if not promise.rests:
         return []
-    turned_s = witness.turning_from(end_s + 1.0)
-    kept = turned_s is None or turned_s > now_s
-    words = "did" if kept else f"turned {(turned_s or math.nan) - end_s:.2f} s later"
+    rests = witness.rests(end_s + 1.0, now_s)
+    kept = rests == [(end_s + 1.0, now_s)]
+    words = "did" if kept else "turned"
     return [Measured(what="rests", promised="to the end", measured=words, kept=kept)]
 
 
 def _bridge(promise: Promise, witness: Witness) -> list[Measured]:
-    bridge, rows = witness.bridge, []
+    bridge, rows = witness.bridge.last, []
     if promise.mode is not None:
         kept = bridge.mode == promise.mode
         rows.append(Measured(what="mode", promised=promise.mode, measured=bridge.mode, kept=kept))

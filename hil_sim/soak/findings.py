@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from itertools import groupby
 from typing import NamedTuple
 
-from twinscrew.hil_sim.soak.run import VesselSoak
+from twinscrew.hil_sim.faults.timeline import Span
 from twinscrew.hil_sim.soak.samples import Growth, Sample, growth
-from twinscrew.hil_sim.soak.settings import SoakSettings
+from twinscrew.hil_sim.soak.settings import Limits, SoakSettings
+from twinscrew.hil_sim.soak.vessel import VesselSoak
 
 EXCEPTIONS = ("Traceback", "panicked", "Segmentation fault", "never awaited")
 """What an unhandled exception leaves on standard error, in Python and in Rust."""
@@ -16,19 +17,38 @@ LEFT_OUT_S = 10.0
 """[s] At the beginning of a process's life: it starts."""
 
 
+MACHINE = "machine"
+"""Whose finding it is that tells what the others are worth."""
+
+
 class Finding(NamedTuple):
     """One thing that was looked at."""
 
     vessel: str
+    """Or `MACHINE`."""
     what: str
     limit: str
     found: str
     fine: bool
 
 
-def findings(vessels: Sequence[VesselSoak], settings: SoakSettings) -> list[Finding]:
-    """Look at everything."""
-    return [finding for vessel in vessels for finding in _of(vessel, settings)]
+def findings(
+    vessels: Sequence[VesselSoak],
+    standstills: Sequence[Span],
+    duration_s: float,
+    settings: SoakSettings,
+) -> list[Finding]:
+    """Look at everything.
+
+    Parameters
+    ----------
+    standstills
+        When the machine stood still.
+    duration_s
+        [s] How long was sailed.
+    """
+    found = [finding for vessel in vessels for finding in _of(vessel, settings)]
+    return [*found, _machine(standstills, duration_s, settings.limits)]
 
 
 def lives(samples: Sequence[Sample]) -> list[list[Sample]]:
@@ -54,9 +74,12 @@ def _of(vessel: VesselSoak, settings: SoakSettings) -> list[Finding]:
         grown.memory_mb_per_h > limits.memory_mb_per_h
     )
     missed_limit = limits.missed_share * max(1, vessel.decisions)
-    broken = [verdict.name for verdict in vessel.verdicts if not verdict.kept]
+    judged = vessel.verdicts
+    broken = [verdict.name for verdict in judged if not verdict.kept]
     words = next((word for word in EXCEPTIONS if word in vessel.log), "none")
-    kept = f"{len(vessel.verdicts) - len(broken)} of {len(vessel.verdicts)}"
+    kept = f"{len(judged) - len(broken)} of {len(judged)}"
+    made = len(vessel.faults)
+    missed = vessel.missed
     quota_mb = settings.recording.quota_mb + 2.0 * settings.recording.rotate_mb
     rows = [
         (
@@ -70,10 +93,17 @@ def _of(vessel: VesselSoak, settings: SoakSettings) -> list[Finding]:
         (
             "missed deadlines",
             f"{missed_limit:.1f} of {vessel.decisions}",
-            f"{vessel.missed} (and {vessel.missed_in_faults} in faults)",
-            vessel.missed <= missed_limit,
+            f"{missed.own} (and {missed.in_faults} in faults, "
+            f"{missed.in_standstills} in standstills)",
+            missed.own <= missed_limit,
         ),
         ("unhandled exceptions", "none", words, words == "none"),
+        (
+            "faults judged",
+            f"{limits.judged_share:.0%}",
+            f"{len(judged)} of {made}",
+            len(judged) >= limits.judged_share * made,
+        ),
         ("promises kept", "all", " ".join([kept, *broken]), not broken),
         (
             "recordings",
@@ -83,3 +113,14 @@ def _of(vessel: VesselSoak, settings: SoakSettings) -> list[Finding]:
         ),
     ]
     return [Finding(vessel.name, *row) for row in rows]
+
+
+def _machine(standstills: Sequence[Span], duration_s: float, limits: Limits) -> Finding:
+    still_s = sum(span.length_s for span in standstills)
+    return Finding(
+        MACHINE,
+        "standstills",
+        f"{limits.standstill_share:.0%} of {duration_s:.0f} s",
+        f"{still_s:.2f} s in {len(standstills)}",
+        still_s <= limits.standstill_share * duration_s,
+    )

@@ -9,25 +9,31 @@ from twinscrew.runtime.messages.types import Float64
 
 TURN_M = 12.0
 """[m] So near the end of its lane a vessel is sent back: before it has arrived, and stopped."""
+AGAIN_S = 15.0
+"""[s] A goal is given again after this: a fault may have swallowed it, and the boat would rest."""
 
 
 class Patrol:
-    """Sends every vessel to the other end of its lane when it comes near one."""
+    """Sends every vessel to the other end of its lane when it comes near one, and says so again."""
 
     def __init__(self, world: World) -> None:
         self._world = world
         self.turns = [0] * world.scenario.vessels
         """[-] How often each vessel was sent back."""
+        self._said_s = [world.time_s] * world.scenario.vessels
 
     def goal_of(self, vessel: int) -> Float64 | None:
-        """Give a vessel's next goal, (2,) [m] [N]; None if it has not come near the last one."""
-        ends_N: Float64 = self.ends(vessel)
-        to = ends_N[(self.turns[vessel] + 1) % 2]
-        if np.hypot(*(self._world.state.position_N[vessel, :2] - to)) > TURN_M:
+        """Give a goal that a vessel is to be sent to now, (2,) [m] [N]; None if it is none."""
+        if np.hypot(*(self._world.state.position_N[vessel, :2] - self._goal(vessel))) <= TURN_M:
+            self.turns[vessel] += 1
+        elif self._world.time_s - self._said_s[vessel] < AGAIN_S:
             return None
-        self.turns[vessel] += 1
-        back_N: Float64 = ends_N[(self.turns[vessel] + 1) % 2]
-        return back_N
+        self._said_s[vessel] = self._world.time_s
+        return self._goal(vessel)
+
+    def _goal(self, vessel: int) -> Float64:
+        goal_N: Float64 = self.ends(vessel)[(self.turns[vessel] + 1) % 2]
+        return goal_N
 
     def ends(self, vessel: int) -> Float64:
         """Give both ends of a lane, (2, 2) [m] [N]: where it starts, and where it goes first."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from twinscrew.hil_sim.soak.findings import Finding, lives
-from twinscrew.hil_sim.soak.run import VesselSoak
+from twinscrew.hil_sim.soak.vessel import Judged, VesselSoak
 
 
 def as_dict(
@@ -20,11 +20,13 @@ def as_dict(
         "minutes": round(minutes, 2),
         "seed": seed,
         "findings": [finding._asdict() for finding in found],
-        "faults": {
-            vessel.name: [{"name": v.name, **v.as_dict()} for v in vessel.verdicts]
-            for vessel in vessels
-        },
+        "faults": {vessel.name: [_fault(judged) for judged in vessel.faults] for vessel in vessels},
     }
+
+
+def _fault(judged: Judged) -> dict[str, Any]:
+    told = {"name": judged.verdict.name, "at_s": round(judged.at_s, 2), "excuse": judged.excuse}
+    return told | judged.verdict.as_dict()
 
 
 def write(
@@ -54,17 +56,21 @@ def _markdown(
     ]
     lines += ["", "![memory](memory.png)", "", "## Faults", ""]
     lines += [
-        "| vessel | fault | what | promised | measured | |",
-        "| --- | --- | --- | --- | --- | --- |",
+        "| vessel | at | fault | what | promised | measured | |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     lines += [
-        f"| {vessel.name} | {verdict.name} | {row.what} | {row.promised} | {row.measured} "
-        f"| {'kept' if row.kept else 'BROKEN'} |"
+        f"| {vessel.name} | {judged.at_s:.1f} s | {judged.verdict.name} | {row.what} "
+        f"| {row.promised} | {row.measured} | {_word(judged, kept=row.kept)} |"
         for vessel in vessels
-        for verdict in vessel.verdicts
-        for row in verdict.rows
+        for judged in vessel.faults
+        for row in judged.verdict.rows
     ]
     return lines
+
+
+def _word(judged: Judged, *, kept: bool) -> str:
+    return judged.excuse or ("kept" if kept else "BROKEN")
 
 
 def _draw(path: Path, vessels: Sequence[VesselSoak]) -> None:

@@ -6,13 +6,16 @@ import pytest
 from twinscrew.hil_sim.faults.crew import Made
 from twinscrew.hil_sim.faults.pilot import Bridge
 from twinscrew.hil_sim.faults.plan import Fault, Promise
+from twinscrew.hil_sim.faults.timeline import Timeline
 from twinscrew.hil_sim.faults.verdict import Verdict, judge
 from twinscrew.hil_sim.faults.witness import Witness
+from twinscrew.runtime.link.events import OVERRIDE_IGNORED
 from twinscrew.runtime.safety.events import LIDAR_STALE, STATE
 
 BEGIN_S, END_S, NOW_S = 5.0, 7.0, 11.0
 STOPS = ((0.0, True), (5.4, False), (7.5, True))
 NEVER = ((0.0, True),)
+AHEAD = ((0.0, (1, 1)),)
 MANUAL = Bridge("MANUAL", armed=True)
 TOLD = ((5.4, LIDAR_STALE.at(0)), (5.4, STATE.at(0, "active -> safe")))
 MADE = [Made(0, Fault(at_s=5.0, for_s=2.0, kind="drop", target="points"), BEGIN_S, END_S)]
@@ -23,11 +26,16 @@ def act(at_s: float, does: str) -> Made:
     return Made(0, fault, at_s, at_s + 0.01)
 
 
-def verdict(turns=STOPS, *, made=MADE, told=TOLD, log="", **promise):
+def verdict(
+    turns=STOPS, *, made=MADE, told=TOLD, asks=AHEAD, log="", free_way=True, **promise
+) -> Verdict:
     witness = Witness()
-    witness.turns, witness.events, witness.bridge = list(turns), list(told), MANUAL
+    witness.turns, witness.asks = Timeline(False, *turns), Timeline((0, 0), *asks)
+    witness.events, witness.bridge = list(told), Timeline(MANUAL)
+    states = [(t, event.detail.split()[-1]) for t, event in told if event.name == "state"]
+    witness.state = Timeline("active", *states)
     promised = Promise(fault="x", reaction="y", **promise)
-    return judge("mine", promised, made, witness, now_s=NOW_S, log=log)
+    return judge("mine", promised, made, witness, now_s=NOW_S, log=log, free_way=free_way)
 
 
 def measured(found: Verdict) -> list[str]:
@@ -78,11 +86,53 @@ def test_a_promise_that_was_broken_is_named(promise, words: str) -> None:
     assert words in broken.measured
 
 
-def test_a_vessel_that_sails_on_may_rest_for_a_moment_but_not_be_safe() -> None:
+CHOSEN = ((0.0, (1, 1)), (5.4, (0, 0)), (7.4, (1, 1)))
+"""What is asked for where the boat stops as in `STOPS` because it decided so."""
+
+
+def test_a_vessel_that_sails_on_may_decide_to_rest_for_a_moment_but_not_be_safe() -> None:
     moment = ((0.0, True), (5.4, False), (6.0, True))
-    assert verdict(moment, told=(), sails_on=True).kept
-    assert not verdict(STOPS, told=(), sails_on=True).kept
-    assert measured(verdict(moment, sails_on=True))[0] == "safe"
+    assert verdict(moment, told=(), asks=CHOSEN, sails_on=True).kept
+    assert not verdict(moment, told=(), sails_on=True).kept
+    assert measured(verdict(NEVER, sails_on=True))[0] == "safe"
+
+
+def test_a_vessel_with_something_in_its_way_may_decide_to_rest_for_long() -> None:
+    assert not verdict(told=(), asks=CHOSEN, sails_on=True).kept
+    assert verdict(told=(), asks=CHOSEN, sails_on=True, free_way=False).kept
+    assert not verdict(told=(), sails_on=True, free_way=False).kept
+
+
+IGNORED = {"event": "override_ignored", "event_s": 1.0, "event_from": "thrust"}
+NAMED = ((6.5, OVERRIDE_IGNORED.at(0)),)
+
+
+@pytest.mark.parametrize(
+    ("asks", "told", "words"),
+    [
+        (AHEAD, NAMED, "1.50 s"),
+        (AHEAD, (), "never"),
+        (((0.0, (0, 1)), (6.2, (-1, 1))), NAMED, "1.50 s"),
+    ],
+)
+def test_a_thrust_that_nobody_follows_must_be_named_in_time(asks, told, words: str) -> None:
+    found = verdict(asks=asks, told=told, **IGNORED)
+    assert not found.kept
+    assert measured(found)[0] == words
+
+
+@pytest.mark.parametrize(
+    ("asks", "told", "words"),
+    [
+        (((0.0, (1, 1)), (5.8, (-1, -1))), NAMED, "0.80 s"),
+        (((0.0, (0, 0)), (6.0, (1, 0))), NAMED, "0.50 s"),
+        (((0.0, (0, 0)),), (), "no thrust to follow"),
+    ],
+)
+def test_nothing_can_be_named_before_there_is_a_thrust_to_follow(asks, told, words: str) -> None:
+    found = verdict(asks=asks, told=told, **IGNORED)
+    assert found.kept
+    assert measured(found)[0] == words
 
 
 def test_a_vessel_that_rests_does_not_turn_until_the_end() -> None:

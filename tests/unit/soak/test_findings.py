@@ -5,12 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from twinscrew.hil_sim.faults.timeline import Span
 from twinscrew.hil_sim.faults.verdict import Measured, Verdict
-from twinscrew.hil_sim.soak.findings import findings, lives, longest
+from twinscrew.hil_sim.soak.findings import Finding, findings, lives, longest
 from twinscrew.hil_sim.soak.report import as_dict, write
-from twinscrew.hil_sim.soak.run import VesselSoak
 from twinscrew.hil_sim.soak.samples import Sample
 from twinscrew.hil_sim.soak.settings import load_soak
+from twinscrew.hil_sim.soak.vessel import Judged, Missed, VesselSoak
 
 SETTINGS = load_soak()
 KEPT = Measured(what="neutral", promised="0.5 s", measured="0.40 s", kept=True)
@@ -30,21 +31,25 @@ def verdict(*rows: Measured) -> Verdict:
     return Verdict(name="lidar_drop", fault="scans stop", reaction="neutral", rows=rows)
 
 
+BROKEN = verdict(KEPT, replace(KEPT, kept=False))
 FINE = VesselSoak(
     name="wamv1",
     samples=samples(),
-    verdicts=(verdict(KEPT),),
+    faults=(Judged(12.5, verdict(KEPT), ""),),
     decisions=6000,
-    missed=0,
-    missed_in_faults=3,
+    missed=Missed(0, in_faults=30, in_standstills=30),
     log="wamv1: running\n",
     recording_mb=50.0,
     turns=8,
 )
 
 
+def found(vessels, standstills=()) -> list[Finding]:
+    return findings(vessels, standstills, 600.0, SETTINGS)
+
+
 def test_a_vessel_that_is_well_is_fine() -> None:
-    assert all(finding.fine for finding in findings([FINE], SETTINGS))
+    assert all(finding.fine for finding in found([FINE]))
 
 
 @pytest.mark.parametrize(
@@ -59,21 +64,23 @@ def test_a_vessel_that_is_well_is_fine() -> None:
             {"samples": tuple(s._replace(threads=20 + k // 20) for k, s in enumerate(samples()))},
             "threads",
         ),
-        ({"missed": 7}, "missed deadlines"),
+        ({"missed": Missed(7, 0, 0)}, "missed deadlines"),
         ({"log": "Traceback (most recent call last):"}, "unhandled exceptions"),
         ({"log": "thread 'tokio' panicked"}, "unhandled exceptions"),
-        ({"verdicts": (verdict(KEPT, replace(KEPT, kept=False)),)}, "promises kept"),
+        ({"faults": (Judged(1.0, BROKEN, ""),)}, "promises kept"),
+        ({"faults": (Judged(1.0, BROKEN, "at rest"),)}, "faults judged"),
         ({"recording_mb": 500.0}, "recordings"),
     ],
 )
 def test_what_is_wrong_is_found_and_nothing_else(change, what: str) -> None:
-    found = findings([replace(FINE, **change)], SETTINGS)
-    assert [finding.what for finding in found if not finding.fine] == [what]
+    assert [finding.what for finding in found([replace(FINE, **change)]) if not finding.fine] == [
+        what
+    ]
 
 
 def test_what_grows_while_it_warms_up_is_no_leak() -> None:
     warming = tuple(s._replace(rss_mb=90.0 + min(30.0, 0.3 * s.time_s)) for s in samples())
-    assert all(finding.fine for finding in findings([replace(FINE, samples=warming)], SETTINGS))
+    assert all(finding.fine for finding in found([replace(FINE, samples=warming)]))
 
 
 def test_a_killed_runtime_is_several_lives_and_the_longest_counts() -> None:
@@ -87,13 +94,35 @@ def test_a_killed_runtime_is_several_lives_and_the_longest_counts() -> None:
 
 def test_the_report_has_table_figure_and_verdict(tmp_path: Path) -> None:
     bad = replace(FINE, log="Traceback", name="wamv2")
-    found = findings([FINE, bad], SETTINGS)
-    report = as_dict([FINE, bad], found, 10.0, 3)
-    write(tmp_path, [FINE, bad], found, report)
+    everything = found([FINE, bad])
+    report = as_dict([FINE, bad], everything, 10.0, 3)
+    write(tmp_path, [FINE, bad], everything, report)
     text = (tmp_path / "report.md").read_text()
     assert report["fine"] is False
     assert "FAILED" in text
     assert "| wamv2 | unhandled exceptions | none | Traceback | NOT FINE |" in text
-    assert "| wamv1 | lidar_drop | neutral | 0.5 s | 0.40 s | kept |" in text
+    assert "| wamv1 | 12.5 s | lidar_drop | neutral | 0.5 s | 0.40 s | kept |" in text
+    assert "| machine | standstills | 1% of 600 s | 0.00 s in 0 | fine |" in text
+    assert report["faults"]["wamv1"][0]["at_s"] == 12.5
     assert (tmp_path / "memory.png").read_bytes().startswith(b"\x89PNG")
     assert (tmp_path / "report.json").read_text().startswith("{")
+
+
+def test_the_report_says_why_a_fault_is_not_judged(tmp_path: Path) -> None:
+    excused = replace(FINE, faults=(*FINE.faults, Judged(40.0, BROKEN, "at rest")))
+    report = as_dict([excused], [], 10.0, 3)
+    write(tmp_path, [excused], [], report)
+    text = (tmp_path / "report.md").read_text()
+    assert "| 40.0 s | lidar_drop | neutral | 0.5 s | 0.40 s | at rest |" in text
+    assert [fault["excuse"] for fault in report["faults"]["wamv1"]] == ["", "at rest"]
+
+
+def test_a_machine_that_stands_still_too_often_measures_nothing() -> None:
+    often = [Span(t, t + 0.1) for t in range(100)]
+    (bad,) = [finding for finding in found([FINE], often) if not finding.fine]
+    assert (bad.vessel, bad.what, bad.found) == ("machine", "standstills", "10.00 s in 100")
+
+
+def test_a_fault_that_is_excused_breaks_no_promise() -> None:
+    faults = (*3 * FINE.faults, Judged(40.0, BROKEN, "at rest"))
+    assert all(finding.fine for finding in found([replace(FINE, faults=faults)]))
