@@ -168,16 +168,16 @@ nb::tuple as_tuple(const twinscrew::Contact& c) {
 }
 
 using Matrix2 = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Matrices = nb::ndarray<const double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
-nb::ndarray<nb::numpy, double> invert_blocks(Matrix2 matrix, std::size_t size) {
-  const std::size_t n = matrix.shape(0);
-  if (matrix.shape(1) != n || size < 1 || size > 8 || n % size != 0) {
-    throw std::invalid_argument("invert_blocks: a square of blocks of at most 8 rows");
+nb::ndarray<nb::numpy, double> invert_stack(Matrices matrices) {
+  const std::size_t count = matrices.shape(0), n = matrices.shape(1);
+  if (matrices.shape(2) != n || n < 1 || n > 8) {
+    throw std::invalid_argument("invert_stack: square matrices of at most 8 rows");
   }
-  return make_array<double>({n, n}, [&](double* out) {
-    std::fill(out, out + n * n, 0.0);
-    for (std::size_t i = 0; i < n; i += size) {
-      twinscrew::invert_symmetric(matrix.data() + i * (n + 1), out + i * (n + 1), size, n);
+  return make_array<double>({count, n, n}, [&](double* out) {
+    for (std::size_t i = 0; i < count * n * n; i += n * n) {
+      twinscrew::invert_symmetric(matrices.data() + i, out + i, n, n);
     }
   });
 }
@@ -292,8 +292,8 @@ void bind_tracking(nb::module_& m) {
           "edge_sigma"_a)
       .def("measured", &measured, "p"_a, "radius"_a, "points"_a, "stand"_a)
       .def("bias_variance", &bias_variance, "places"_a, "radius"_a, "north"_a, "east"_a);
-  m.def("invert_blocks", &invert_blocks, "matrix"_a, "size"_a,
-        "Invert a block diagonal matrix of symmetric positive definite blocks.");
+  m.def("invert_stack", &invert_stack, "matrices"_a,
+        "Invert symmetric positive definite matrices, (K, n, n), n at most 8.");
   m.def("innovations", &innovations, "x"_a, "P"_a, "z"_a, "H"_a, "R"_a, "gate"_a,
         "How far each measurement is from what each track expects.");
 }

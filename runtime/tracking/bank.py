@@ -1,19 +1,18 @@
-"""filterpy's Kalman filter for several tracks at a time.
+"""filterpy's Kalman filter for any number of tracks at a time.
 
-The states of independent tracks, one below the other, are one state whose matrices are block
-diagonal: every product, and so every equation of the filter, falls apart into those of the single
-tracks. Between small matrices it is calls that cost time, not multiplications, so that a filter of
-four tracks takes hardly longer than a filter of one. (With more the zeros begin to cost.)
+Between small matrices it is calls that cost time, not multiplications. So the filter is given
+stacks of matrices, one a track, and takes them for matrices: its equations are sums, products and
+transposes, and what each of these means is the stack's own affair.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 
-from twinscrew.runtime._native import invert_blocks
+from twinscrew.runtime._native import invert_stack
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.tracking.light import kalman_filter
 from twinscrew.runtime.tracking.motion import STATES
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
 else:
     KalmanFilter = kalman_filter()
 
-TOGETHER = 4
-"""[-] Tracks in one filter."""
 MEASURED = 4
 """[-] A centroid's two coordinates, and a velocity's."""
 
@@ -33,7 +30,8 @@ class FilterBank:
     """Predicts and updates any number of tracks; it remembers none of them."""
 
     def __init__(self) -> None:
-        self._filters = [_Joint(count) for count in range(1, TOGETHER + 1)]
+        self._filter: Any = KalmanFilter(dim_x=STATES, dim_z=MEASURED)
+        self._filter.inv = invert_stack
 
     def predict(self, x: Float64, P: Float64, F: Float64, Q: Float64) -> tuple[Float64, Float64]:
         """Move tracks on.
@@ -47,11 +45,9 @@ class FilterBank:
         Q : (K, 6, 6) float64
             The process noise of each.
         """
-        after, spread = np.empty_like(x), np.empty_like(P)
-        for part in _parts(len(x)):
-            joint = self._joint(part)
-            after[part], spread[part] = joint.predict(x[part], P[part], F, Q[part])
-        return after, spread
+        self._set(x, P)
+        self._filter.predict(F=F, Q=Q)
+        return self._state()
 
     def update(
         self, x: Float64, P: Float64, z: Float64, H: Float64, R: Float64
@@ -66,67 +62,36 @@ class FilterBank:
             What was measured, what of the state that is, and its noise. A row of H that is zero
             says nothing.
         """
-        after, spread = np.empty_like(x), np.empty_like(P)
-        for part in _parts(len(x)):
-            joint = self._joint(part)
-            after[part], spread[part] = joint.update(x[part], P[part], z[part], H[part], R[part])
-        return after, spread
-
-    def _joint(self, part: slice[int, int, None]) -> _Joint:
-        return self._filters[part.stop - part.start - 1]
-
-
-class _Joint:
-    """One filter of some tracks. Its matrices are kept: their zeros are written once."""
-
-    def __init__(self, count: int) -> None:
-        states, measured = count * STATES, count * MEASURED
-        self._filter: Any = KalmanFilter(dim_x=states, dim_z=measured)
-        self._filter.inv = lambda S: invert_blocks(S, MEASURED)
-        self._P, self._in_P = _blocks(count, STATES, STATES)
-        self._F, self._in_F = _blocks(count, STATES, STATES)
-        self._Q, self._in_Q = _blocks(count, STATES, STATES)
-        self._H, self._in_H = _blocks(count, MEASURED, STATES)
-        self._R, self._in_R = _blocks(count, MEASURED, MEASURED)
-
-    def predict(self, x: Float64, P: Float64, F: Float64, Q: Float64) -> tuple[Float64, Float64]:
-        self._in_F[:] = F
-        self._in_Q[:] = Q
         self._set(x, P)
-        self._filter.predict(F=self._F, Q=self._Q)
-        return self._state(x.shape)
-
-    def update(
-        self, x: Float64, P: Float64, z: Float64, H: Float64, R: Float64
-    ) -> tuple[Float64, Float64]:
-        self._in_H[:] = H
-        self._in_R[:] = R
-        self._set(x, P)
-        self._filter.update(z.reshape(-1), R=self._R, H=self._H)
-        return self._state(x.shape)
+        self._filter.update(z[:, :, None], R=R, H=H.view(Stack))
+        return self._state()
 
     def _set(self, x: Float64, P: Float64) -> None:
-        self._in_P[:] = P
-        self._filter.x, self._filter.P = x.reshape(-1), self._P
+        self._filter.x, self._filter.P = x[:, :, None].view(Stack), P.view(Stack)
 
-    def _state(self, shape: tuple[int, ...]) -> tuple[Float64, Float64]:
-        P: Float64 = self._filter.P
-        return self._filter.x.reshape(shape), _diagonal(P, shape[0], STATES, STATES)
-
-
-def _parts(count: int) -> list[slice[int, int, None]]:
-    return [slice(k, min(k + TOGETHER, count)) for k in range(0, count, TOGETHER)]
+    def _state(self) -> tuple[Float64, Float64]:
+        x, P = self._filter.x, self._filter.P
+        return x.view(np.ndarray)[:, :, 0], P.view(np.ndarray)
 
 
-def _blocks(count: int, rows: int, columns: int) -> tuple[Float64, Float64]:
-    """Give a block diagonal matrix of zeros, and its blocks as a view, (count, rows, columns)."""
-    matrix = np.zeros((count * rows, count * columns))
-    down, right = matrix.strides
-    across = rows * down + columns * right
-    return matrix, as_strided(matrix, (count, rows, columns), (across, down, right))
+class Stack(np.ndarray[tuple[int, int, int], np.dtype[np.float64]]):
+    """Matrices, (K, n, m), that numpy.dot multiplies one by one and `T` transposes one by one."""
 
+    __slots__ = ()
 
-def _diagonal(matrix: Float64, count: int, rows: int, columns: int) -> Float64:
-    """Give the blocks on the diagonal as a view, (count, rows, columns)."""
-    blocks = matrix.reshape(count, rows, count, columns)
-    return blocks.diagonal(axis1=0, axis2=2).transpose(2, 0, 1)
+    @property
+    def T(self) -> Any:
+        """The transpose of each, as a view."""
+        return self.transpose(0, 2, 1)
+
+    def __array_function__(
+        self,
+        func: Callable[..., Any],
+        types: Iterable[Any],
+        args: Iterable[Any],
+        kwargs: Mapping[str, Any],
+    ) -> Any:
+        """Say what numpy's functions do with stacks: all but `dot` what they always do."""
+        if func is np.dot:
+            return np.matmul(*args, **kwargs)
+        return super().__array_function__(func, types, args, kwargs)

@@ -14,6 +14,7 @@ from twinscrew.runtime.tracking.motion import STATES
 
 VELOCITY = np.eye(STATES)[2:4]
 """H of a measured velocity, (2, 6)."""
+UNIT = np.eye(MEASURED)
 
 
 def corrected(
@@ -107,6 +108,6 @@ def doubted(v_N: Float64, R: Float64, x: Float64, P: Float64, limit_sigma: float
 
 def _units(count: int) -> Float64:
     """Give unit matrices: the noise of what is not measured, which no row of H asks for."""
-    R = np.zeros((count, MEASURED, MEASURED))
-    R[:, range(MEASURED), range(MEASURED)] = 1.0
+    R = np.empty((count, MEASURED, MEASURED))
+    R[:] = UNIT
     return R

@@ -109,9 +109,9 @@ class Tracker:
         if dt == 0.0 and self._reported is not None:
             return self._reported
         own = Stand.of(odometry)
-        self._predict(dt, own)
-        whole = self._joined(objects, own)
-        self._update(self._centroids.measure(whole, own), own)
+        x, P = self._predicted(dt, own)
+        whole = self._joined(objects, x, own)
+        self._update(x, P, self._centroids.measure(whole, own), own)
         self._drop()
         self._reported = self._report(objects.stamp_ns)
         return self._reported
@@ -127,22 +127,18 @@ class Tracker:
         self._stamp_ns = stamp_ns
         return 0.0 if jumped else dt
 
-    def _predict(self, dt: float, own: Stand) -> None:
+    def _predicted(self, dt: float, own: Stand) -> tuple[Float64, Float64]:
+        """Move every track on; give all states and covariances, (K, 6) and (K, 6, 6)."""
+        x, P = _states(self._tracks)
         if not self._tracks:
-            return
+            return x, P
         time_s = self.settings.measurement.bias_time_s
-        x, P = self._states()
         radius = _floats([track.radius for track in self._tracks])
         Q = self._acceleration_psd(x)[:, None, None] * motion_noise(dt, 1.0)
         Q += bias_noise(dt, time_s, self._centroids.bias_variance(x, radius, own))
         x, P = self._bank.predict(x, P, transition(dt, time_s), Q)
         for k, track in enumerate(self._tracks):
             track.moved_on(dt, x[k], P[k])
-
-    def _states(self) -> tuple[Float64, Float64]:
-        """Give all states and covariances, (K, 6) and (K, 6, 6)."""
-        x = np.array([track.x for track in self._tracks]).reshape(-1, STATES)
-        P = np.array([track.P for track in self._tracks]).reshape(-1, STATES, STATES)
         return x, P
 
     def _acceleration_psd(self, x: Float64) -> Float64:
@@ -153,18 +149,16 @@ class Tracker:
         psd: Float64 = settings.rest_psd + share * (settings.acceleration_psd - settings.rest_psd)
         return psd
 
-    def _joined(self, objects: Objects, own: Stand) -> Objects:
+    def _joined(self, objects: Objects, x: Float64, own: Stand) -> Objects:
         """Put together what lies within the circle of one known track."""
-        known = [track for track in self._tracks if track.confirmed]
+        known = [k for k, track in enumerate(self._tracks) if track.confirmed]
         if not known or len(objects.p_B) < 2:
             return objects
-        p_N = np.array([track.x[:2] for track in known])
-        p_B = (p_N - own.p_N) @ own.R_NB
-        circle = self.settings.life.join_share * _floats([track.radius for track in known])
-        return join_fragments(objects, p_B, circle)
+        p_B = (x[known, :2] - own.p_N) @ own.R_NB
+        radius = _floats([self._tracks[k].radius for k in known])
+        return join_fragments(objects, p_B, self.settings.life.join_share * radius)
 
-    def _update(self, measured: Measurements, own: Stand) -> None:
-        x, P = self._states()
+    def _update(self, x: Float64, P: Float64, measured: Measurements, own: Stand) -> None:
         found = associate(x, P, measured, self.settings.gate_sigma)
         if found.pairs:
             self._correct(x, P, measured, found)
@@ -225,8 +219,7 @@ class Tracker:
 
     def _report(self, stamp_ns: int) -> Tracks:
         tracks = [track for track in self._tracks if track.confirmed]
-        x = np.array([track.x for track in tracks]).reshape(-1, STATES)
-        P = np.array([track.P for track in tracks]).reshape(-1, STATES, STATES)
+        x, P = _states(tracks)
         return Tracks(
             stamp_ns=stamp_ns,
             id=np.array([track.id for track in tracks], dtype=np.int64),
@@ -236,6 +229,13 @@ class Tracker:
             covariance=P[:, :4, :4].copy(),
             age_s=_floats([track.age_s for track in tracks]),
         )
+
+
+def _states(tracks: list[Track]) -> tuple[Float64, Float64]:
+    """Give states and covariances, (K, 6) and (K, 6, 6)."""
+    x = np.array([track.x for track in tracks]).reshape(-1, STATES)
+    P = np.array([track.P for track in tracks]).reshape(-1, STATES, STATES)
+    return x, P
 
 
 def _floats(values: list[float]) -> Float64:
