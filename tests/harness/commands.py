@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +37,24 @@ def start(*words: object, log: Path) -> subprocess.Popen[bytes]:
             stderr=stream,
             env=_environment({}),
         )
+
+
+@contextmanager
+def running(*words: object, log: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """Start a command as `start` does, and leave nothing of it behind."""
+    process = start(*words, log=log)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def stop(process: subprocess.Popen[bytes], number: int = signal.SIGTERM) -> int:
+    """Tell a command that still runs to stop; give its exit status."""
+    assert process.poll() is None
+    process.send_signal(number)
+    return process.wait(GIVE_UP_S)
 
 
 def as_json(finished: subprocess.CompletedProcess[str]) -> dict[str, Any]:

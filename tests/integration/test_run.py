@@ -3,12 +3,13 @@
 import signal
 import socket
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import onnx
 import pytest
-from tests.harness.boat import cloud, odometry
-from tests.harness.commands import start, twinscrew
+from tests.harness.commands import running, stop, twinscrew
+from tests.harness.sensors import Sensors
 from tests.harness.waiting import wait_until
 
 from twinscrew.runtime.app.recording import find_recordings
@@ -61,30 +62,13 @@ def test_without_an_autopilot_it_says_so_decides_on_and_stops_cleanly(
         "[mission]\nwaypoints_m = [[100.0, 0.0]]",
         bus=f'connect = []\nlisten = ["{endpoint}"]',
     )
-    runtime = start("run", "--config", config, log=log)
-    bus = None
-    try:
+    with running("run", "--config", config, log=log) as runtime:
         wait_until(lambda: "wamv: running" in log.read_text())
-        bus = ZenohBus(ZenohSettings(connect=(endpoint,)), "wamv")
-        decisions: list[bytes] = []
-        bus.subscribe("decision", lambda message: decisions.append(message.payload))
-        ticks = iter(range(10_000))
-
-        def another_decision() -> bool:
-            time_s = next(ticks) * 0.05
-            bus.publish("odometry", cdr.encode_odometry(odometry(time_s)))
-            bus.publish("points", cdr.encode_point_cloud(cloud(time_s)))
-            return len(decisions) >= 5
-
-        wait_until(another_decision)
-        assert runtime.poll() is None
-        runtime.send_signal(signal.SIGTERM)
-        assert runtime.wait(200) == 0
-    finally:
-        runtime.kill()
-        if bus is not None:
-            bus.close()
-    assert all(not cdr.decode_decision(payload).thrust.any() for payload in decisions)
+        with closing(ZenohBus(ZenohSettings(connect=(endpoint,)), "wamv")) as bus:
+            sensors = Sensors(bus)
+            sensors.measure_until_decided(5)
+            assert stop(runtime) == 0
+    assert all(not cdr.decode_decision(payload).thrust.any() for payload in sensors.decisions)
     assert "decisions, stopped" in log.read_text()
     assert read_summary(tmp_path / "kept").decisions >= 5
     assert "autopilot_silent" in events_in(tmp_path / "kept")
@@ -93,13 +77,9 @@ def test_without_an_autopilot_it_says_so_decides_on_and_stops_cleanly(
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_told_to_stop_before_anything_came_it_stops_cleanly(tmp_path: Path, number: int) -> None:
     log = tmp_path / "log.txt"
-    runtime = start("run", "--config", written(tmp_path), log=log)
-    try:
+    with running("run", "--config", written(tmp_path), log=log) as runtime:
         wait_until(lambda: "wamv: running" in log.read_text())
-        runtime.send_signal(number)
-        assert runtime.wait(200) == 0
-    finally:
-        runtime.kill()
+        assert stop(runtime, number) == 0
     assert read_summary(tmp_path / "kept").decisions == 0
 
 
@@ -159,11 +139,8 @@ def test_a_recording_is_not_written_over_another(tmp_path: Path) -> None:
     old.parent.mkdir(parents=True)
     old.write_bytes(b"of yesterday")
     config = written(tmp_path)
-    process = start("run", "--config", str(config), log=tmp_path / "log.txt")
     fresh = tmp_path / "kept" / "recording-2"
-    try:
+    with running("run", "--config", config, log=tmp_path / "log.txt") as runtime:
         wait_until(lambda: fresh.is_dir() and any(fresh.glob("*.mcap")))
-    finally:
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(20) == 0
+        assert stop(runtime) == 0
     assert old.read_bytes() == b"of yesterday"
