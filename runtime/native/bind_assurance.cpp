@@ -1,0 +1,98 @@
+// Python bindings of the assurance: check the arguments, call the pure C++ core.
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/vector.h>
+
+#include <limits>
+
+#include "arrays.hpp"
+#include "assurance.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace twinscrew {
+namespace {
+
+Surroundings surroundings(const In<-1, 2>& p, const In<-1, 2>& v, const In<-1>& radius,
+                          const In<-1>& horizon) {
+  const std::size_t size = radius.size();
+  require(p.shape(0) == size && v.shape(0) == size && horizon.size() == size,
+          "Foresight: p, v, radius and horizon of every circle");
+  return {
+      {p.data(), 2 * size}, {v.data(), 2 * size}, {radius.data(), size}, {horizon.data(), size}};
+}
+
+nb::tuple as_tuple(const Contact& c) {
+  return nb::make_tuple(c.harm, c.time, c.speed, c.circle, c.to_starboard);
+}
+
+}  // namespace
+
+void bind_assurance(nb::module_& m) {
+  nb::class_<Law>(m, "Law", "What a manoeuvre wants of the propellers.")
+      .def(
+          "__init__",
+          [](Law* self, const Thrusts& base, double gain, double low, double high) {
+            new (self) Law{base, gain, low, high};
+          },
+          "base"_a, "gain"_a = 0.0, "low"_a = -std::numeric_limits<double>::infinity(),
+          "high"_a = std::numeric_limits<double>::infinity())
+      .def(
+          "after",
+          [](Law law, const Thrusts& first, double until) {
+            law.first = first;
+            law.until = until;
+            return law;
+          },
+          "first"_a, "until"_a, "The same, but something else for a while.")
+      .def(
+          "__call__",
+          [](const Law& law, double time, double surge) {
+            const auto [left, right] = law(time, surge);
+            return nb::make_tuple(left, right);
+          },
+          "time"_a, "surge"_a);
+  nb::class_<Foresight>(m, "Foresight", "Where manoeuvres lead, and into contact with what.")
+      .def(
+          "__init__",
+          [](Foresight* self, const std::array<Planar, 3>& vessel, double lever,
+             const std::vector<Thrusts>& hull, int steps, double dt, double slew, double margin,
+             double approach) {
+            require(steps >= 1 && dt > 0.0 && !hull.empty(),
+                    "Foresight: a step, a time and a hull at least");
+            std::vector<HullCircle> circles;
+            for (const auto& [ahead, radius] : hull) circles.push_back({ahead, radius});
+            new (self) Foresight({vessel[0], vessel[1], vessel[2], lever}, circles,
+                                 {steps, dt, slew, margin, approach});
+          },
+          nb::kw_only(), "vessel"_a, "lever"_a, "hull"_a, "steps"_a, "dt"_a, "slew"_a, "margin"_a,
+          "approach"_a)
+      .def(
+          "path",
+          [](Foresight& self, const Planar& motion, const Thrusts& thrust, const Law& law) {
+            const auto path = self.sail(motion, thrust, law);
+            return make_array<double>({path.size(), 3}, [&](double* out) {
+              for (const Planar& pose : path) out = std::copy(pose.begin(), pose.end(), out);
+            });
+          },
+          "motion"_a, "thrust"_a, "law"_a)
+      .def(
+          "contact",
+          [](const Foresight& self, In<-1, 3> path, In<-1, 2> p, In<-1, 2> v, In<-1> radius,
+             In<-1> horizon) {
+            std::vector<Planar> poses(path.shape(0));
+            for (std::size_t i = 0; i < 3 * poses.size(); ++i) poses[i / 3][i % 3] = path.data()[i];
+            return as_tuple(self.judge(poses, surroundings(p, v, radius, horizon)));
+          },
+          "path"_a, "p"_a, "v"_a, "radius"_a, "horizon"_a)
+      .def(
+          "judge",
+          [](Foresight& self, const Planar& motion, const Thrusts& thrust, const Law& law,
+             In<-1, 2> p, In<-1, 2> v, In<-1> radius, In<-1> horizon) {
+            const Surroundings around = surroundings(p, v, radius, horizon);
+            return as_tuple(self.judge(self.sail(motion, thrust, law), around));
+          },
+          "motion"_a, "thrust"_a, "law"_a, "p"_a, "v"_a, "radius"_a, "horizon"_a);
+}
+
+}  // namespace twinscrew
