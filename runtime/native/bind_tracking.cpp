@@ -111,8 +111,6 @@ Given<double> bias_variance(const CentroidModel& model, In<-1, -1> places, In<-1
   });
 }
 
-}  // namespace
-
 void bind_shift(nb::module_& m) {
   nb::class_<Shift>(m, "Shift", "How far an object has moved.")
       .def_ro("pairs", &Shift::pairs)
@@ -134,7 +132,10 @@ void bind_shift(nb::module_& m) {
       .def("__call__", &find_shift, "before"_a, "after"_a, "guess"_a, "centre"_a, "turn"_a);
 }
 
+}  // namespace
+
 void bind_tracking(nb::module_& m) {
+  bind_shift(m);
   nb::class_<CentroidModel>(m, "CentroidModel", "What visible centroids say.")
       .def(
           "__init__",
