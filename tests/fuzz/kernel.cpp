@@ -1,36 +1,13 @@
 // Fuzzes the perception kernel: any bytes are a scan, an attitude and a motion; see run.sh.
 #include "kernel.hpp"
 
-#include <cstring>
 #include <vector>
+
+#include "input.hpp"
 
 namespace {
 
 using namespace twinscrew;
-
-// Takes numbers off the front of the input; zeros when it is used up.
-class Input {
- public:
-  Input(const std::uint8_t* data, std::size_t size) : data_(data), size_(size) {}
-  template <class T>
-  T take() {
-    T value{};
-    const std::size_t n = std::min(sizeof value, size_);
-    std::memcpy(&value, data_, n);
-    data_ += n;
-    size_ -= n;
-    return value;
-  }
-  std::vector<float> rest() {
-    std::vector<float> values(size_ / sizeof(float));
-    if (!values.empty()) std::memcpy(values.data(), data_, values.size() * sizeof(float));
-    return values;
-  }
-
- private:
-  const std::uint8_t* data_;
-  std::size_t size_;
-};
 
 Kernel& kernel(std::uint8_t which) {
   static const std::vector<double> even{-0.2, -0.1, 0.0, 0.1, 0.2}, uneven{-0.5, -0.4, 0.0, 0.3};
@@ -61,7 +38,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto X_BS = input.take<Transform>();
   const auto R_LB = input.take<Matrix>();
   const auto motion = input.take<Motion>();
-  const std::vector<float> points = input.rest();
+  const std::vector<float> points = input.rest<float>();
   const std::size_t count = points.size() / 3;
   const std::span<const float> values(points.data(), count);
   const Cloud cloud{{points.data(), 3 * count}, flags & 1 ? values : std::span<const float>(),

@@ -1,6 +1,7 @@
 #!/bin/sh
 # Fuzzes the native code with libFuzzer, AddressSanitizer and UBSan:
 #   run.sh [seconds a target] [--skip-without-clang]
+# FUZZ_TARGETS names the targets, if not all.
 # Needs clang, which is installed by apt if it is missing, or with the flag nothing is done then.
 # A crash leaves its input in build/fuzz and a status that is not 0.
 set -eu
@@ -21,10 +22,10 @@ if ! command -v "$clang" >/dev/null; then
   fi
 fi
 mkdir -p build/fuzz
-for target in decoder kernel shift; do
+for target in ${FUZZ_TARGETS:-decoder kernel shift tracking assurance}; do
   corpus="build/fuzz/$target.corpus"
   mkdir -p "$corpus"
-  "$clang" -std=c++20 -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
+  "$clang" -std=c++20 -O1 -g -Wall -Wextra -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
     -I runtime/native "tests/fuzz/$target.cpp" -o "build/fuzz/$target"
   "build/fuzz/$target" -max_total_time="$seconds" -max_len=8192 -timeout=10 -print_final_stats=1 \
     -verbosity=0 -artifact_prefix="build/fuzz/" "$corpus"
