@@ -17,7 +17,7 @@ from twinscrew.training.scenario_pool import Beginning
 
 
 def begin(
-    s: EnvironmentSettings, generators: Sequence[Generator], cumulative: Float64, radius: Float64
+    s: EnvironmentSettings, generators: Sequence[Generator], cumulative: Float64
 ) -> Beginning:
     """Draw episodes with all that depends on them alone.
 
@@ -29,8 +29,6 @@ def begin(
         N, one an episode.
     cumulative : (R,) float64
         [-] Running sum of the shares of the rows of `s.scenarios`.
-    radius : (V + M,) float64
-        [m] Of vessels and buoys.
     """
     vessels, buoys = s.shape
     row = np.searchsorted(cumulative, [g.random() for g in generators], side="right")
@@ -41,7 +39,7 @@ def begin(
     things = Things(
         position=np.concatenate([scenario.start, scenario.buoy], axis=1),
         velocity=np.zeros((len(generators), vessels + buoys), complex),
-        radius=radius,
+        radius=s.radius,
         there=np.concatenate([scenario.vessel, scenario.buoy_there], axis=1),
     )
     objects, mask = see_objects(heading, things, noise, s.range_m, s.observed_objects)

@@ -21,27 +21,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.random import Generator
 from numpy.typing import NDArray
 
-from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64
-from twinscrew.training import contacts
-from twinscrew.training.beginnings import begin
-from twinscrew.training.conditions import Conditions
-from twinscrew.training.dynamics import Dynamics
 from twinscrew.training.environment_settings import RATE_LIMIT, EnvironmentSettings, check
-from twinscrew.training.imperfections import Imperfections
-from twinscrew.training.perception import Observations, Things, see_ego, see_objects
-from twinscrew.training.perception_noise import NoiseBank
+from twinscrew.training.episodes import Episodes
+from twinscrew.training.lookout import Lookout
+from twinscrew.training.perception import Observations
 from twinscrew.training.reward import colregs_turn, reward
-from twinscrew.training.scenario_pool import Beginning, Pool
+from twinscrew.training.sailing import Sailing
 from twinscrew.training.step_result import StepResult
-from twinscrew.training.streams import Stream, episode_stream, slot_stream
+from twinscrew.training.vessel_state import Mask, State
 
 __all__ = ["RATE_LIMIT", "EnvironmentSettings", "StepResult", "VectorEnv"]
-
-Mask = NDArray[np.bool_]
 
 AHEAD = 16
 """[-] Episodes that are drawn ahead for a slot: many at a time cost little each."""
@@ -83,29 +75,23 @@ class VectorEnv:
         seeds = [seed] if isinstance(seed, int) else list(seed)
         check(settings, episodes, seeds)
         numbers = range(first_slot, first_slot + episodes)
-        self._slots = [(one, number) for one in seeds for number in numbers]
-        self.episodes, self.auto_reset = len(self._slots), auto_reset
+        slots = [(one, number) for one in seeds for number in numbers]
+        self.episodes, self.auto_reset = len(slots), auto_reset
         self.vessels, self.buoys = settings.shape
-        self.set_weights([row.weight for row in settings.scenarios])
-        self._pool = Pool(self._begin, self.episodes, AHEAD if auto_reset else 1)
-        self._allocate()
+        self.state = State(self.episodes, self.vessels, self.buoys)
+        """What is on the water now."""
+        self.sailing = Sailing(settings, self.state)
+        self.lookout = Lookout(settings, slots)
+        self._upcoming = Episodes(settings, slots, AHEAD if auto_reset else 1)
 
     @property
     def active(self) -> Mask:
         """(E, V) Who is on the water now: whose action the next `step` uses."""
-        return self._active.copy()
+        return self.state.active.copy()
 
     def set_weights(self, weights: Sequence[float]) -> None:
         """Change how often each row of `settings.scenarios` is drawn, for episodes yet to begin."""
-        rows = self.settings.scenarios
-        if len(weights) != len(rows) or min(weights) < 0.0 or sum(weights) <= 0.0:
-            raise ConfigError(
-                f"{len(rows)} numbers >= 0 with a positive sum are needed, got {list(weights)}",
-                key="weight",
-            )
-        self._cumulative = np.cumsum(weights) / np.sum(weights)
-        if hasattr(self, "_pool"):
-            self._pool.forget()
+        self._upcoming.set_weights(weights)
 
     def reset(self) -> Observations:
         """Begin the next episode in every slot."""
@@ -128,24 +114,18 @@ class VectorEnv:
             Rates of change of thrust, left and right, in units of 1000 N/s, clipped to [-1, 1].
             Those of vessels that are not on the water are ignored.
         """
-        acting = self._active.copy()
-        distance = np.abs(self._goal - self._position)
-        self._move(action)
-        touched_vessel, touched_buoy = self._contacts()
-        collided = touched_vessel | touched_buoy
-        left = np.abs(self._goal - self._position)
-        reached = acting & ~collided & (left <= self.settings.goal_radius_m)
-        terminated = collided | reached
-        self._decisions += 1
-        self._active &= ~terminated
-        if self.settings.park:
-            self._parked |= reached
-        truncated: Mask = self._active & (self._decisions >= self.settings.decision_limit)[:, None]
-        final = self._observe()
-        gained = reward(distance - left, collided, reached, self._turn(final), self.settings.reward)
+        state, settings = self.state, self.settings
+        acting, before = self.active, state.to_goal
+        self.sailing.move(action)
+        touched_vessel, touched_buoy = self.sailing.touched()
+        collided, left = touched_vessel | touched_buoy, state.to_goal
+        reached = acting & ~collided & (left <= settings.goal_radius_m)
+        terminated, truncated = self._leave(collided, reached)
+        final = self.lookout.observe(state)
+        gained = reward(before - left, collided, reached, self._turn(final), settings.reward)
         gained *= acting
-        finished = np.asarray(~(self._active & ~truncated).any(axis=1))
-        elapsed = self._decisions.astype(np.float64) * self.settings.period_s
+        finished = np.asarray(~(state.active & ~truncated).any(axis=1))
+        elapsed_s = state.decisions.astype(np.float64) * settings.period_s
         return StepResult(
             observation=self._continue(final, truncated, finished),
             final_observation=final,
@@ -156,95 +136,20 @@ class VectorEnv:
             reached=reached,
             touched_vessel=touched_vessel,
             touched_buoy=touched_buoy,
-            elapsed_s=elapsed,
+            elapsed_s=elapsed_s,
             finished=finished,
         )
 
-    def _allocate(self) -> None:
-        """Make the state: components first, then episodes, then vessels."""
-        s, episodes, vessels, buoys = self.settings, self.episodes, self.vessels, self.buoys
-        shape = (episodes, vessels)
-        self._north_east = np.zeros((2, *shape))
-        self._position = np.zeros(shape, complex)  # the same, north + i east
-        self._heading = np.zeros(shape)
-        self._nu = np.zeros((3, *shape))
-        self._thrust = np.zeros((2, *shape))
-        self._goal = np.zeros(shape, complex)
-        self._active = np.zeros(shape, bool)
-        self._buoy = np.zeros((episodes, buoys), complex)
-        self._buoy_there = np.zeros((episodes, buoys), bool)
-        self._decisions = np.zeros(episodes, np.int64)
-        self._radius = np.array([s.vessel.radius] * vessels + [s.map.buoy_radius_m] * buoys)
-        self._parked = np.zeros(shape, bool)
-        self._conditions = Conditions(s.conditions, s.vessel, shape, s.substep_s)
-        self._dynamics = Dynamics(self._conditions.coefficients, episodes * vessels, s.substeps)
-        pairs = (vessels, vessels + buoys)
-        self._noise = NoiseBank(s.noise, self._streams(Stream.PERCEPTION), pairs)
-        self._imperfections = None
-        if s.imperfections.used:
-            streams = self._streams(Stream.IMPERFECTION)
-            self._imperfections = Imperfections(s.imperfections, streams, pairs, s.period_s)
-
-    def _streams(self, stream: Stream) -> list[Generator]:
-        """Give every slot's generator for one purpose."""
-        return [slot_stream(seed, slot, stream) for seed, slot in self._slots]
-
-    def _move(self, action: NDArray[np.floating]) -> None:
-        """Change the thrusts and sail through the sub-steps of a decision."""
-        vessel = self.settings.vessel
-        rate = np.clip(np.asarray(action, np.float64), -1.0, 1.0) * RATE_LIMIT
-        self._thrust += rate.transpose(2, 0, 1) * self.settings.period_s
-        np.clip(self._thrust, vessel.thrust_min_n, vessel.thrust_max_n, out=self._thrust)
-        self._thrust *= self._active
-        elapsed = self._decisions.astype(np.float64) * self.settings.period_s
-        self._conditions.decide(self._thrust, self._heading, self._active, elapsed)
-        self._dynamics.advance(
-            self._north_east.reshape(2, -1),
-            self._heading.reshape(-1),
-            self._nu.reshape(3, -1),
-            self._conditions.force,
-        )
-        self._position.real, self._position.imag = self._north_east
-
-    def _contacts(self) -> tuple[Mask, Mask]:
-        """Tell which vessels touched a vessel, and which a buoy, in the decision just sailed."""
-        radius = self.settings.vessel.radius
-        flat = self._dynamics.trajectory
-        trajectory = flat.reshape(len(flat), 2, self.episodes, self.vessels)
-        strayed = contacts.strayed(flat).reshape(self.episodes, self.vessels)
-        there = self._active | self._parked
-        vessel = contacts.between_vessels(trajectory, strayed, there, radius) & self._active
-        buoy = contacts.with_buoys(
-            trajectory,
-            strayed,
-            self._active,
-            radius,
-            self._buoy,
-            self._buoy_there,
-            self.settings.map.buoy_radius_m,
-        )
-        return vessel, buoy
-
-    def _observe(self) -> Observations:
-        """See what is around, as things are now."""
-        s = self.settings
-        heading = np.exp(1j * self._heading)
-        velocity = np.zeros((self.episodes, self.vessels + self.buoys), complex)
-        velocity[:, : self.vessels] = (self._nu[0] + 1j * self._nu[1]) * heading * self._active
-        if self._imperfections is not None:
-            velocity = self._imperfections.lagged(velocity)
-        things = Things(
-            position=np.concatenate([self._position, self._buoy], axis=1),
-            velocity=velocity,
-            radius=self._radius,
-            there=np.concatenate([self._active | self._parked, self._buoy_there], axis=1),
-        )
-        noise = self._noise.next()
-        objects, mask = see_objects(
-            heading, things, noise, s.range_m, s.observed_objects, self._imperfections
-        )
-        ego = see_ego(self._position, heading, self._goal, self._nu, self._thrust)
-        return Observations(ego, objects, mask)
+    def _leave(self, collided: Mask, reached: Mask) -> tuple[Mask, Mask]:
+        """Count the decision; take who is done off the water, tell whom the limit cuts off."""
+        state = self.state
+        terminated = collided | reached
+        state.decisions += 1
+        state.active &= ~terminated
+        if self.settings.park:
+            state.parked |= reached
+        truncated = state.active & (state.decisions >= self.settings.decision_limit)[:, None]
+        return terminated, truncated
 
     def _turn(self, seen: Observations) -> Float64:
         """Give how far each vessel's course falls short of the COLREGs, as it sees them."""
@@ -254,10 +159,9 @@ class VectorEnv:
 
     def _continue(self, final: Observations, truncated: Mask, finished: Mask) -> Observations:
         """Take who left off the water, begin new episodes, and give what is to be acted on."""
-        self._active &= ~truncated
-        self._nu *= self._active
-        self._thrust *= self._active
-        there = self._active.astype(np.float32)[..., None]
+        self.state.active &= ~truncated
+        self.state.halt_others()
+        there = self.state.active.astype(np.float32)[..., None]
         observation = Observations(
             final.ego * there, final.objects * there[..., None], final.mask * there
         )
@@ -267,32 +171,10 @@ class VectorEnv:
 
     def _restart(self, slots: NDArray[np.intp], observation: Observations) -> None:
         """Begin the next episode of some slots and write what its vessels see."""
-        beginning = self._pool.take(slots)
-        scenario = beginning.scenario
-        self._position[slots] = scenario.start
-        self._north_east[0, slots] = scenario.start.real
-        self._north_east[1, slots] = scenario.start.imag
-        self._heading[slots] = scenario.heading
-        self._nu[:, slots] = 0.0
-        self._thrust[:, slots] = 0.0
-        self._goal[slots] = scenario.goal
-        self._active[slots] = scenario.vessel
-        self._buoy[slots] = scenario.buoy
-        self._buoy_there[slots] = scenario.buoy_there
-        self._parked[slots] = False
-        self._decisions[slots] = 0
-        self._conditions.begin(slots, beginning.chance)
-        if self._imperfections is not None:
-            self._imperfections.forget(slots)
+        beginning = self._upcoming.take(slots)
+        self.state.begin(slots, beginning.scenario)
+        self.sailing.begin(slots, beginning.chance)
+        self.lookout.begin(slots)
         observation.ego[slots] = beginning.ego
         observation.objects[slots] = beginning.objects
         observation.mask[slots] = beginning.mask
-
-    def _begin(self, slots: NDArray[np.intp], numbers: NDArray[np.intp]) -> Beginning:
-        """Draw episodes, by slot and number."""
-        which = [self._slots[slot] for slot in slots]
-        generators = [
-            episode_stream(seed, slot, number)
-            for (seed, slot), number in zip(which, numbers.tolist(), strict=True)
-        ]
-        return begin(self.settings, generators, self._cumulative, self._radius)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
+from twinscrew.runtime.messages.types import OBSERVED_OBJECTS, Float64
 from twinscrew.runtime.policy.vessel_model import VesselParameters
 from twinscrew.runtime.settings import Count, Positive, Settings
 from twinscrew.training import scenarios
@@ -54,6 +56,12 @@ class EnvironmentSettings(Settings, frozen=True):
     def shape(self) -> tuple[int, int]:
         """V and M: room for the vessels and buoys of the largest row."""
         return max(s.robots for s in self.scenarios), max(s.buoys for s in self.scenarios)
+
+    @property
+    def radius(self) -> Float64:
+        """[m] (V + M,) Of the vessels and buoys."""
+        vessels, buoys = self.shape
+        return np.array([self.vessel.radius] * vessels + [self.map.buoy_radius_m] * buoys)
 
 
 def check(settings: EnvironmentSettings, episodes: int, seeds: Sequence[int]) -> None:

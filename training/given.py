@@ -48,11 +48,11 @@ class GivenEnv(VectorEnv):
     def reset(self) -> Observations:
         """Begin the given episodes."""
         super().reset()
-        given = self._given
-        self._position[:], self._goal[:] = given.start, given.goal
-        self._north_east[0], self._north_east[1] = given.start.real, given.start.imag
-        self._heading[:], self._buoy[:] = given.heading, given.buoy
-        return self._observe()
+        given, state = self._given, self.state
+        state.position[:], state.goal[:] = given.start, given.goal
+        state.north_east[0], state.north_east[1] = given.start.real, given.start.imag
+        state.heading[:], state.buoy[:] = given.heading, given.buoy
+        return self.lookout.observe(state)
 
 
 def read_given(path: Path) -> dict[str, Given]:

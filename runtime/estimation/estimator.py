@@ -39,6 +39,8 @@ class Estimator:
         self._notes = Notes()
         self._fixes = FixIntake(settings, self._chart, self.carriage, self._notes)
         self._output = OdometryOutput(settings, self.carriage.imu_B, self._notes)
+        self._filter: InertialFilter | None
+        self._felt: ImuInBody | None
         self.restart()
 
     def imu(self, message: Imu) -> Odometry | None:
@@ -67,8 +69,8 @@ class Estimator:
 
     def restart(self) -> None:
         """Forget everything but where the local frame is."""
-        self._filter: InertialFilter | None = None
-        self._felt: ImuInBody | None = None
+        self._filter = None
+        self._felt = None
         self._past = Past()
         self._attitude_ns = 0
         self._fixes.restart()

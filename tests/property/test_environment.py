@@ -75,7 +75,7 @@ def test_observations_and_rewards_stay_sound(
         assert (ordered >= -1e-4).all()  # nearest first
         assert (seen.ego[..., 5:7] >= -500).all()
         assert (seen.ego[..., 5:7] <= 1000).all()
-        assert (np.abs(env._heading) < 100).all()
+        assert (np.abs(env.state.heading) < 100).all()
 
 
 @settings(max_examples=60, deadline=None)

@@ -19,21 +19,21 @@ SIX = EnvironmentSettings(scenarios=six_settings())
 
 def scatter(env: VectorEnv, generator: np.random.Generator) -> None:
     """Bring the vessels close together, under way in all directions."""
-    shape = env._heading.shape
-    env._north_east[:] = generator.uniform(8.0, 47.0, (2, *shape))
-    env._position[:] = env._north_east[0] + 1j * env._north_east[1]
-    env._heading[:] = generator.uniform(-np.pi, np.pi, shape)
-    env._nu[:] = generator.uniform(-1, 3, (3, *shape)) * np.array([1, 0.3, 0.3])[:, None, None]
-    env._thrust[:] = generator.uniform(-500, 1000, (2, *shape))
-    env._nu *= env._active
-    env._thrust *= env._active
+    shape = env.state.heading.shape
+    env.state.north_east[:] = generator.uniform(8.0, 47.0, (2, *shape))
+    env.state.position[:] = env.state.north_east[0] + 1j * env.state.north_east[1]
+    env.state.heading[:] = generator.uniform(-np.pi, np.pi, shape)
+    env.state.nu[:] = generator.uniform(-1, 3, (3, *shape)) * np.array([1, 0.3, 0.3])[:, None, None]
+    env.state.thrust[:] = generator.uniform(-500, 1000, (2, *shape))
+    env.state.nu *= env.state.active
+    env.state.thrust *= env.state.active
     near = generator.random(shape) < 0.2
-    env._goal[near] = env._position[near] + 1.5
-    left = env._active & (generator.random(shape) < 0.1)
+    env.state.goal[near] = env.state.position[near] + 1.5
+    left = env.state.active & (generator.random(shape) < 0.1)
     left[:, 0] = False
-    env._active &= ~left
-    env._nu *= env._active
-    env._thrust *= env._active
+    env.state.active &= ~left
+    env.state.nu *= env.state.active
+    env.state.thrust *= env.state.active
 
 
 def test_one_decision_equals_the_scalar_reference_in_every_quantity() -> None:
@@ -44,21 +44,21 @@ def test_one_decision_equals_the_scalar_reference_in_every_quantity() -> None:
     before = [
         [
             reference.Vessel(
-                *env._north_east[:, e, v],
-                env._heading[e, v],
-                *env._nu[:, e, v],
-                *env._thrust[:, e, v],
-                env._goal[e, v].real,
-                env._goal[e, v].imag,
-                bool(env._active[e, v]),
+                *env.state.north_east[:, e, v],
+                env.state.heading[e, v],
+                *env.state.nu[:, e, v],
+                *env.state.thrust[:, e, v],
+                env.state.goal[e, v].real,
+                env.state.goal[e, v].imag,
+                bool(env.state.active[e, v]),
             )
             for v in range(env.vessels)
         ]
         for e in range(env.episodes)
     ]
-    buoys = [list(env._buoy[e][env._buoy_there[e]]) for e in range(env.episodes)]
-    noise = env._noise.next()
-    env._noise._noise.append(noise)  # what the step is going to draw
+    buoys = [list(env.state.buoy[e][env.state.buoy_there[e]]) for e in range(env.episodes)]
+    noise = env.lookout.noise.next()
+    env.lookout.noise._noise.append(noise)  # what the step is going to draw
     action = generator.uniform(-1.3, 1.3, (env.episodes, env.vessels, 2))
     result = env.step(action)
     seen_situations = touched = arrived = 0
@@ -131,7 +131,7 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_another_episode() -
 
 
 def test_two_vessels_of_an_episode_do_not_share_their_noise() -> None:
-    noise = VectorEnv(SIX, 2, seed=0)._noise.next().position
+    noise = VectorEnv(SIX, 2, seed=0).lookout.noise.next().position
     rows = noise.reshape(-1, noise.shape[-1])
     assert len(np.unique(rows.round(7), axis=0)) == len(rows)
 
@@ -161,10 +161,10 @@ def test_without_auto_reset_a_finished_slot_stays_empty() -> None:
 
 
 def put(env: VectorEnv, vessel: int, place: complex, heading: float, surge: float) -> None:
-    env._position[0, vessel] = place
-    env._north_east[:, 0, vessel] = place.real, place.imag
-    env._heading[0, vessel] = heading
-    env._nu[:, 0, vessel] = surge, 0.0, 0.0
+    env.state.position[0, vessel] = place
+    env.state.north_east[:, 0, vessel] = place.real, place.imag
+    env.state.heading[0, vessel] = heading
+    env.state.nu[:, 0, vessel] = surge, 0.0, 0.0
 
 
 def test_two_vessels_that_touch_between_decisions_only_have_collided() -> None:
@@ -174,9 +174,9 @@ def test_two_vessels_that_touch_between_decisions_only_have_collided() -> None:
     gap = 2 * reference.RADIUS - 0.02
     put(env, 0, 20 + 20j, 0.0, 3.0)
     put(env, 1, 21.48 + (20 + gap) * 1j, np.pi, 3.0)
-    env._thrust[:] = 750.0
+    env.state.thrust[:] = 750.0
     result = env.step(np.zeros((1, 2, 2)))
-    ends = env._dynamics.trajectory[[0, -1]].reshape(2, 2, 2)
+    ends = env.sailing.dynamics.trajectory[[0, -1]].reshape(2, 2, 2)
     apart = np.hypot(*(ends[:, :, 0] - ends[:, :, 1]).T)
     assert (apart > 2 * reference.RADIUS).all()
     assert result.touched_vessel.all()
@@ -189,38 +189,38 @@ def test_a_parked_vessel_can_be_hit_and_a_vanished_one_cannot(park: bool) -> Non
     env = VectorEnv(settings, 1, seed=0, auto_reset=False)
     env.reset()
     put(env, 0, 20 + 20j, 0.0, 0.0)
-    env._goal[0, 0] = 20 + 20j
+    env.state.goal[0, 0] = 20 + 20j
     put(env, 1, 20 + 26.5j, -np.pi / 2, 0.0)
-    env._goal[0, 1] = 50 + 50j
+    env.state.goal[0, 1] = 50 + 50j
     first = env.step(np.zeros((1, 2, 2)))
     assert first.reached.tolist() == [[True, False]]
-    env._nu[0, 0, 1] = 3.0
+    env.state.nu[0, 0, 1] = 3.0
     second = env.step(np.ones((1, 2, 2)))
     assert second.active.tolist() == [[False, True]]
     assert second.touched_vessel[0, 1] == park
     assert not second.terminated[0, 0]
-    assert env._position[0, 0] == 20 + 20j  # where it arrived
+    assert env.state.position[0, 0] == 20 + 20j  # where it arrived
 
 
 def test_wind_pushes_a_drifting_vessel_where_it_blows_to() -> None:
     settings = EnvironmentSettings(conditions=ConditionSettings(wind_mps=(10.0, 10.0)))
     env = VectorEnv(settings, 4, seed=0)
     env.reset()
-    start, there = env._position.copy(), env._active.copy()
+    start, there = env.state.position.copy(), env.state.active.copy()
     for _ in range(6):
         env.step(np.zeros((4, 3, 2)))
-    drift = env._position - start
-    blow = np.broadcast_to(env._conditions._wind, drift.shape)
+    drift = env.state.position - start
+    blow = np.broadcast_to(env.sailing.conditions._wind, drift.shape)
     along = (drift * blow.conj()).real / np.abs(blow)
-    assert (along[there & env._active] > 0.1).all()
+    assert (along[there & env.state.active] > 0.1).all()
 
 
 def test_without_wind_and_thrust_nothing_moves() -> None:
     env = VectorEnv(EnvironmentSettings(), 4, seed=0)
     env.reset()
-    start = env._position.copy()
+    start = env.state.position.copy()
     env.step(np.zeros((4, 3, 2)))
-    assert np.array_equal(env._position, start)
+    assert np.array_equal(env.state.position, start)
 
 
 def test_thrust_lags_behind_its_command_as_a_first_order_filter() -> None:
@@ -229,7 +229,7 @@ def test_thrust_lags_behind_its_command_as_a_first_order_filter() -> None:
     env.reset()
     result = env.step(np.ones((1, 3, 2)))
     assert np.all(result.observation.ego[..., 5:7] == 500.0)  # the observation has the command
-    np.testing.assert_allclose(env._conditions._thrust, 500.0 * (1 - np.exp(-0.5 / 0.4)))
+    np.testing.assert_allclose(env.sailing.conditions._thrust, 500.0 * (1 - np.exp(-0.5 / 0.4)))
 
 
 def test_the_weights_decide_which_row_new_episodes_follow() -> None:
@@ -238,7 +238,7 @@ def test_the_weights_decide_which_row_new_episodes_follow() -> None:
     env.set_weights([0, 0, 0, 0, 0, 1])
     env.reset()
     assert env.active.all()
-    assert env._buoy_there.all()
+    assert env.state.buoy_there.all()
     env.set_weights([1, 0, 0, 0, 0, 0])
     env.reset()
     assert (env.active.sum(axis=1) == 3).all()
