@@ -109,7 +109,8 @@ class FaultyCrew:
             for arrived in rig.lines[topic].due(now_s):
                 self._crew.deliver(vessel, topic, arrived, now_s)
         self._crew.exchange(vessel, now_s, odometry)
-        self.witnesses[vessel].look(rig.autopilot.thrust_command_N(), rig.autopilot.bridge)
+        autopilot, speed_m_s = rig.autopilot, float(np.hypot(*odometry.velocity_B[:2]))
+        self.witnesses[vessel].look(autopilot.thrust_command_N(), autopilot.bridge, speed_m_s)
 
     def is_ready(self, vessel: int) -> bool:
         """See `Crew`."""

@@ -24,6 +24,8 @@ DRIVES = ("active", "degraded")
 """States in which the decisions are the boat's."""
 SIDES = ((0, 1), (0, -1), (1, 1), (1, -1))
 """Each propeller, ahead and astern."""
+UNDER_WAY_M_S = 0.5
+"""[m/s] Faster than this a vessel moves 5 cm between two scans of 10 Hz: it is seen to move."""
 _LINK = AutopilotSettings()
 
 Directions = tuple[int, int]
@@ -36,6 +38,8 @@ class Witness:
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.turns = Timeline(False)
         """Whether the propellers are asked to turn."""
+        self.moves = Timeline(False)
+        """Whether the vessel moves, faster than `UNDER_WAY_M_S`."""
         self.bridge = Timeline(Bridge("", armed=False))
         """What the autopilot shows."""
         self.asks: Timeline[Directions] = Timeline((0, 0))
@@ -48,9 +52,10 @@ class Witness:
         """[s] When decisions came over the bus."""
         self._clock = clock
 
-    def look(self, thrust_N: Float64, bridge: Bridge) -> None:
-        """See what the autopilot asks of the propellers, (2,) [N]."""
+    def look(self, thrust_N: Float64, bridge: Bridge, speed_m_s: float) -> None:
+        """See what the autopilot asks of the propellers, (2,) [N], and how fast the vessel is."""
         now_s = self._clock()
+        self.moves.note(now_s, speed_m_s > UNDER_WAY_M_S)
         self.turns.note(now_s, bool(np.any(thrust_N != 0.0)))
         self.bridge.note(now_s, bridge)
 
@@ -73,6 +78,10 @@ class Witness:
     def turning(self, at_s: float) -> bool:
         """Tell whether the propellers turned at a time."""
         return self.turns.at(at_s)
+
+    def under_way(self, at_s: float) -> bool:
+        """Tell whether the vessel moved at a time, by its propellers."""
+        return self.turns.at(at_s) and self.moves.at(at_s)
 
     def rests(self, begin_s: float, end_s: float) -> list[Span]:
         """Give when the propellers stood still, between two times."""

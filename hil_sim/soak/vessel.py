@@ -102,8 +102,8 @@ def excuse(verdict: Verdict, witness: Witness, held_up_s: float, begin_s: float)
     begin_s
         [s] When the fault began, by the witness's clock.
     """
-    if not witness.turning(begin_s):
-        return "at rest when it began"
+    if not witness.under_way(begin_s):
+        return "not under way when it began"
     if not verdict.kept and held_up_s > STOOD_STILL_S:
         return f"the machine stood still for {held_up_s:.2f} s"
     return ""

@@ -24,7 +24,7 @@ def saw(*turning: tuple[float, bool]) -> Witness:
     clock = Clock()
     witness = Witness(clock)
     for clock.now_s, turns in turning:
-        witness.look(np.array([100.0, 0.0]) if turns else np.zeros(2), MANUAL)
+        witness.look(np.array([100.0, 0.0]) if turns else np.zeros(2), MANUAL, 1.0)
     return witness
 
 
@@ -52,6 +52,14 @@ def test_one_propeller_is_enough_to_turn() -> None:
     assert witness.sails_from(0.5) == 1.0
     assert witness.sails_from(1.5) == 1.5
     assert saw((0.0, False)).sails_from(0.0) is None
+
+
+def test_a_vessel_is_under_way_when_it_moves_by_its_propellers() -> None:
+    clock = Clock()
+    witness = Witness(clock)
+    for clock.now_s, thrust_N, speed_m_s in ((1.0, 9.0, 0.4), (2.0, 9.0, 0.6), (3.0, 0.0, 0.6)):
+        witness.look(np.array([thrust_N, 0.0]), MANUAL, speed_m_s)
+    assert [witness.under_way(at_s) for at_s in (1.5, 2.5, 3.5)] == [False, True, False]
 
 
 def test_a_rest_that_the_boat_decided_is_no_stop() -> None:

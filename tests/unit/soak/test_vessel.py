@@ -25,13 +25,14 @@ def soaked(
     folder: Path,
     turns: Timeline[bool] = STOPS,
     *,
+    moves: bool = True,
     late_s: tuple[float, ...] = (),
     standstills: tuple[Span, ...] = (),
 ) -> VesselSoak:
     """Look back on one vessel that lost its scans, and on another that had the cores taken."""
     (folder / "log.txt").write_text("")
     witness = Witness()
-    witness.turns = turns
+    witness.turns, witness.moves = turns, Timeline(moves)
     witness.events = [(t, OVERRUN.at(0)) for t in late_s]
     made = [Made(0, DROP, 5.0, 7.0), Made(1, HOG, 50.0, 55.0)]
     crew = SimpleNamespace(witnesses=[witness], made=made, ended_s=100.0)
@@ -49,9 +50,10 @@ def test_a_boat_that_does_not_stop_has_no_excuse(tmp_path: Path) -> None:
     assert [verdict.kept for verdict in vessel.verdicts] == [False]
 
 
-def test_a_boat_at_rest_cannot_be_judged(tmp_path: Path) -> None:
-    vessel = soaked(tmp_path, RESTS)
-    assert [judged.excuse for judged in vessel.faults] == ["at rest when it began"]
+@pytest.mark.parametrize(("turns", "moves"), [(RESTS, True), (STOPS, False)])
+def test_a_boat_that_is_not_under_way_cannot_be_judged(tmp_path, turns, moves: bool) -> None:
+    vessel = soaked(tmp_path, turns, moves=moves)
+    assert [judged.excuse for judged in vessel.faults] == ["not under way when it began"]
     assert vessel.verdicts == []
 
 
