@@ -8,11 +8,11 @@ import numpy as np
 from numpy.random import Generator
 
 from twinscrew.runtime.messages.types import Float64
-from twinscrew.training import scenarios
 from twinscrew.training.conditions import CHANCES
 from twinscrew.training.environment_settings import EnvironmentSettings
 from twinscrew.training.perception import Things, see_ego, see_objects
 from twinscrew.training.perception_noise import draw
+from twinscrew.training.placement import sample
 from twinscrew.training.scenario_pool import Beginning
 
 
@@ -32,7 +32,7 @@ def begin(
     """
     vessels, buoys = s.shape
     row = np.searchsorted(cumulative, [g.random() for g in generators], side="right")
-    scenario = scenarios.sample(s.scenarios, row, s.map, generators, (vessels, buoys))
+    scenario = sample(s.scenarios, row, s.map, generators, (vessels, buoys))
     noise = draw(s.noise, generators, (vessels, vessels + buoys))
     heading = np.exp(1j * scenario.heading)
     shape = (len(generators), vessels)

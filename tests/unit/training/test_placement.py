@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from twinscrew.training.scenario_pool import Pool
-from twinscrew.training.scenarios import MapSettings, Scenarios, ScenarioSettings, sample
-from twinscrew.training.settings_table import published_distance_m, six_settings
+from twinscrew.training.placement import sample
+from twinscrew.training.scenarios import MapSettings, Scenarios, ScenarioSettings
+from twinscrew.training.settings_table import six_settings
 from twinscrew.training.streams import episode_stream
-
-
-class Row(NamedTuple):
-    value: np.ndarray
 
 
 def draw(number: int, area: MapSettings, row: ScenarioSettings, seed: int = 0) -> Scenarios:
@@ -65,27 +59,3 @@ def test_an_episode_does_not_depend_on_those_drawn_with_it() -> None:
     together, fewer = draw(30, MapSettings(), row), draw(7, MapSettings(), row)
     for all_, first in zip(together, fewer, strict=True):
         assert np.array_equal(all_[:7], first)
-
-
-def test_a_pool_gives_every_slot_its_episodes_in_order_however_they_are_taken() -> None:
-    asked: list[tuple[int, int]] = []
-
-    def make(slots: np.ndarray, numbers: np.ndarray) -> Row:
-        asked.extend(zip(slots.tolist(), numbers.tolist(), strict=True))
-        return Row(100 * slots + numbers)
-
-    pool = Pool(make, slots=3, depth=4)  # type: ignore[arg-type]
-    taken: dict[int, list[int]] = {0: [], 1: [], 2: []}
-    generator = np.random.default_rng(0)
-    for _ in range(60):
-        slots = np.flatnonzero(generator.random(3) < [0.9, 0.3, 0.1])
-        if slots.size:
-            for slot, value in zip(slots, pool.take(slots)[0], strict=True):
-                taken[int(slot)].append(int(value))
-    for slot, values in taken.items():
-        assert values == [100 * slot + n for n in range(len(values))]
-    assert len(asked) == len(set(asked))
-
-
-def test_the_published_distance_grows_with_the_number_of_vessels() -> None:
-    assert [published_distance_m(n) for n in (1, 3, 4, 5, 8)] == [30, 30, 35, 40, 40]
