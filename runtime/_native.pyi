@@ -171,6 +171,9 @@ class CentroidModel:
         self, places: NDArray[np.float64], radius: NDArray[np.float64], north: float, east: float
     ) -> NDArray[np.float64]: ...
 
+def crowded(
+    places: NDArray[np.float64], centres: NDArray[np.float64], radii: NDArray[np.float64]
+) -> bool: ...
 def invert_stack(matrices: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def innovations(
     x: NDArray[np.float64],

@@ -33,6 +33,12 @@ Given<double> invert_stack(In<-1, -1, -1> matrices) {
   });
 }
 
+bool any_crowded(In<-1, 2> places, In<-1, 2> centres, In<-1> radii) {
+  require(centres.shape(0) == radii.size(), "crowded: a radius for each centre");
+  return crowded({places.data(), places.size()}, {centres.data(), centres.size()},
+                 {radii.data(), radii.size()});
+}
+
 // (3, K, M): squared distances without and with the gate's allowance, log |S| with it.
 Given<double> innovations(In<-1, 6> x, In<-1, 6, 6> P, In<-1, 2> z, In<-1, 2, 6> H, In<-1, 2, 2> R,
                           In<-1> gate) {
@@ -155,6 +161,8 @@ void bind_tracking(nb::module_& m) {
       .def("bias_variance", &bias_variance, "places"_a, "radius"_a, "north"_a, "east"_a);
   m.def("invert_stack", &invert_stack, "matrices"_a,
         "Invert symmetric positive definite matrices, (K, n, n), n at most 8.");
+  m.def("crowded", &any_crowded, "places"_a, "centres"_a, "radii"_a,
+        "Whether two of the places lie within one of the circles.");
   m.def("innovations", &innovations, "x"_a, "P"_a, "z"_a, "H"_a, "R"_a, "gate"_a,
         "How far each measurement is from what each track expects.");
 }

@@ -164,13 +164,16 @@ class Circles {
       outer_[i] = farthest2(patches[i], circle.x, circle.y) >= circle.radius;
     }
     for (Circle& circle : circles_) circle.radius = 0.0;
-    image.each([&](std::size_t cell) {
-      const std::size_t patch = map.patch_of(cell);
-      if (!outer_[patch]) return;
-      Circle& circle = circles_[index(circle_of_[patch])];
-      const double dx = image.echo(cell).x - circle.x, dy = image.echo(cell).y - circle.y;
-      circle.radius = std::max(circle.radius, dx * dx + dy * dy);
-    });
+    for (const PatchSpan& span : map.spans()) {
+      if (!outer_[index(span.patch)]) continue;
+      Circle& circle = circles_[index(circle_of_[index(span.patch)])];
+      double farthest2 = circle.radius;
+      image.each_between(span.first, span.last, [&](std::size_t cell) {
+        const double dx = image.echo(cell).x - circle.x, dy = image.echo(cell).y - circle.y;
+        farthest2 = std::max(farthest2, dx * dx + dy * dy);
+      });
+      circle.radius = farthest2;
+    }
     for (Circle& circle : circles_) circle.radius = std::sqrt(circle.radius);
   }
 

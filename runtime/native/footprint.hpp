@@ -106,11 +106,18 @@ class Footprints {
     return std::max(box.x_max - box.x_min, box.y_max - box.y_min);
   }
 
+  // However a vessel lies, its bounds are no wider than its diagonal; a margin is for rounding.
+  bool too_large(const Box& a, const Box& b) const {
+    const float x = std::max(a.x_max, b.x_max) - std::min(a.x_min, b.x_min);
+    const float y = std::max(a.y_max, b.y_max) - std::min(a.y_min, b.y_min);
+    return std::max(x, y) > 1.001F * std::hypot(rule_.length, rule_.beam) + 0.01F;
+  }
+
   bool together(const Piece& a, const Piece& b, Groups& groups,
                 const std::vector<Patch>& patches) const {
     const float dx = between(a.box.x_min, a.box.x_max, b.box.x_min, b.box.x_max);
     const float dy = between(a.box.y_min, a.box.y_max, b.box.y_min, b.box.y_max);
-    if (!(dx * dx + dy * dy <= rule_.reach * rule_.reach)) return false;
+    if (!(dx * dx + dy * dy <= rule_.reach * rule_.reach) || too_large(a.box, b.box)) return false;
     float longest = 0.0F;
     bool fits = false;
     for (const Axis& axis : axes_) {

@@ -31,10 +31,7 @@ inline void store(Number* to, const Vector& v) {
 
 inline Float4 all(float value) { return Float4{value, value, value, value}; }
 
-inline Float4 select(Int4 condition, Float4 yes, Float4 no) {
-  return reinterpret_cast<Float4>((condition & reinterpret_cast<Int4>(yes)) |
-                                  (~condition & reinterpret_cast<Int4>(no)));
-}
+inline Float4 select(Int4 condition, Float4 yes, Float4 no) { return condition ? yes : no; }
 
 // Lane by lane: a if it is less than b, else b.
 inline Float4 lesser(Float4 a, Float4 b) {
@@ -73,10 +70,7 @@ inline Double2 load2(const double* from) {
 
 inline Double2 both(double value) { return Double2{value, value}; }
 
-inline Double2 select(Long2 condition, Double2 yes, Double2 no) {
-  return reinterpret_cast<Double2>((condition & reinterpret_cast<Long2>(yes)) |
-                                   (~condition & reinterpret_cast<Long2>(no)));
-}
+inline Double2 select(Long2 condition, Double2 yes, Double2 no) { return condition ? yes : no; }
 
 inline Double2 absolute(Double2 v) {
   return reinterpret_cast<Double2>(reinterpret_cast<Long2>(v) & 0x7fffffffffffffff);

@@ -22,6 +22,12 @@ struct Patch {
   std::int32_t square;
 };
 
+// Occupied cells side by side in a row that lie in one patch.
+struct PatchSpan {
+  std::size_t first, last;  // cells
+  std::int32_t patch;
+};
+
 // How far apart two things of one object may be, seen from above: gaps across the line of sight are
 // real, gaps along it also come from grazing beams and from shadows.
 struct MergeRule {
@@ -53,6 +59,7 @@ class PatchMap {
         at_(static_cast<std::size_t>(plane.side) * static_cast<std::size_t>(plane.side), NONE),
         patch_of_(cells) {
     patches_.reserve(cells);
+    spans_.reserve(cells);
     fragments_.reserve(cells);
     const float gap = std::max(rule.across, rule.along);
     // Half of the squares around one: the other half look at it themselves.
@@ -79,6 +86,7 @@ class PatchMap {
   }
 
   const std::vector<Patch>& patches() const { return patches_; }
+  const std::vector<PatchSpan>& spans() const { return spans_; }
   std::size_t patch_of(std::size_t cell) const {
     return static_cast<std::size_t>(patch_of_[cell]);
   }
@@ -94,6 +102,7 @@ class PatchMap {
   void clear() {
     for (const Patch& patch : patches_) at_[static_cast<std::size_t>(patch.square)] = NONE;
     patches_.clear();
+    spans_.clear();
     fragments_.clear();
   }
 
@@ -126,22 +135,30 @@ class PatchMap {
     std::int32_t* const patch_of = patch_of_.data();
     Stretch sum;
     std::int32_t number = NONE;
-    image.each([&](std::size_t cell) {
-      const Echo& echo = image.echo(cell);
-      const std::int32_t fragment = labels[cell];
-      const Float4 here{echo.x, echo.y, -echo.x, -echo.y};
-      if (number != NONE && sum.square == echo.square && sum.fragment == fragment) {
-        sum.bounds = lesser(here, sum.bounds);
-        sum.x_sum += echo.x;
-        sum.y_sum += echo.y;
-        ++sum.count;
-      } else {
-        put(sum.patch(), number);
-        sum = {here, echo.x, echo.y, 1, fragment, echo.square};
-        number = number_at(echo.square);
-      }
-      patch_of[cell] = number;
-    });
+    for (int row = 0; row < image.rows(); ++row) {
+      std::size_t first = image.size(), last = first;  // no cell yet
+      image.each_in_row(row, [&](int, std::size_t cell) {
+        const Echo& echo = image.echo(cell);
+        const std::int32_t fragment = labels[cell];
+        const Float4 here{echo.x, echo.y, -echo.x, -echo.y};
+        if (number != NONE && sum.square == echo.square && sum.fragment == fragment) {
+          sum.bounds = lesser(here, sum.bounds);
+          sum.x_sum += echo.x;
+          sum.y_sum += echo.y;
+          ++sum.count;
+        } else {
+          if (first < image.size()) spans_.push_back({first, last, number});
+          first = image.size();
+          put(sum.patch(), number);
+          sum = {here, echo.x, echo.y, 1, fragment, echo.square};
+          number = number_at(echo.square);
+        }
+        if (first == image.size()) first = cell;
+        last = cell;
+        patch_of[cell] = number;
+      });
+      if (first < image.size()) spans_.push_back({first, last, number});
+    }
     put(sum.patch(), number);
   }
 
@@ -181,6 +198,7 @@ class PatchMap {
   std::vector<std::int32_t> at_;        // the patch of each square
   std::vector<std::int32_t> patch_of_;  // the patch of each occupied cell of the range image
   std::vector<Patch> patches_;
+  std::vector<PatchSpan> spans_;        // of the image, from its first cell to its last
   std::vector<std::int32_t> around_;    // from a square to those near it that come later
   UnionFind fragments_;
 };

@@ -115,6 +115,22 @@ class RangeImage {
     }
   }
 
+  // The same, for those of one stretch of a row, from the cell `first` to the cell `last`.
+  template <class Visit>
+  void each_between(std::size_t first, std::size_t last, Visit visit) const {
+    const std::size_t row = first / static_cast<std::size_t>(columns_);
+    const std::size_t begin = row * static_cast<std::size_t>(columns_);
+    for (std::size_t w = (first - begin) / WORD; w <= (last - begin) / WORD; ++w) {
+      const std::size_t at = begin + w * WORD;
+      std::uint64_t bits = occupied_[row * words_ + w];
+      if (at < first) bits &= ~std::uint64_t{0} << (first - at);
+      if (last - at < WORD - 1) bits &= (std::uint64_t{2} << (last - at)) - 1;
+      for (; bits != 0; bits &= bits - 1) {
+        visit(at + static_cast<std::size_t>(std::countr_zero(bits)));
+      }
+    }
+  }
+
   // Calls visit(cell) for the occupied cells, lowest row first.
   template <class Visit>
   void each(Visit visit) const {

@@ -1,4 +1,5 @@
-// Inverses of small symmetric matrices, and how likely measurements are: what a tracker asks for
+// Inverses of small symmetric matrices, what lies within which circle, and how likely measurements
+// are: what a tracker asks for
 // many times a scan, and what takes numpy longer to call than to do.
 #pragma once
 
@@ -41,6 +42,20 @@ inline void invert_symmetric(const double* in, double* out, std::size_t n, std::
       out[i * stride + j] = out[j * stride + i] = sum;
     }
   }
+}
+
+// Do two of the places, (N, 2), lie within one of the circles, (K, 2) and (K,)?
+inline bool crowded(std::span<const double> places, std::span<const double> centres,
+                    std::span<const double> radii) {
+  for (std::size_t k = 0; k < radii.size(); ++k) {
+    std::size_t within = 0;
+    for (std::size_t i = 0; i < places.size(); i += 2) {
+      const double x = places[i] - centres[2 * k], y = places[i + 1] - centres[2 * k + 1];
+      within += static_cast<std::size_t>(std::hypot(x, y) <= radii[k]);
+    }
+    if (within > 1) return true;
+  }
+  return false;
 }
 
 // What a tracker knows, and what a scan says of it.

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from twinscrew.runtime._native import crowded
 from twinscrew.runtime.messages.types import Float64, Objects, Strips
 
 
@@ -33,12 +34,10 @@ def join_fragments(objects: Objects, p_B: Float64, radius: Float64) -> Objects:
         The joined ones first: the mean of the points, the circle around that mean that holds the
         pieces' circles, the sum of the points. The others follow as they were.
     """
-    if len(objects.p_B) < 2 or not len(p_B):
+    if not crowded(objects.p_B, p_B, radius):
         return objects
     offset = objects.p_B[None, :, :] - p_B[:, None, :]
     within = np.hypot(offset[..., 0], offset[..., 1]) <= radius[:, None]
-    if (within.sum(axis=1) < 2).all():
-        return objects
     groups, free = [], np.ones(len(objects.p_B), dtype=bool)
     for members in within:
         pieces = np.flatnonzero(members & free)

@@ -1,10 +1,14 @@
 """Pieces of one hull become one object; two objects stay two."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from twinscrew.runtime._native import crowded
 from twinscrew.runtime.messages.types import Objects, Strips
 from twinscrew.runtime.tracking.fragments import join_fragments
 
@@ -67,3 +71,20 @@ def test_strips_go_where_their_objects_go():
     whole = join(seen, (10, 0, 2.5))
     assert whole.strips.begin.tolist() == [0, 3, 4]
     assert whole.strips.rows_B[:, 0].tolist() == [4.0, 8.0, 12.0, 0.0]
+
+
+@given(st.integers(0, 6), st.integers(0, 4), st.integers(0, 1 << 20))
+def test_circles_are_crowded_if_one_holds_two(places, circles, seed):
+    rng = np.random.default_rng(seed)
+    p, centres, radii = (
+        rng.normal(size=(places, 2)),
+        rng.normal(size=(circles, 2)),
+        rng.random(circles),
+    )
+    within = [sum(math.dist(p_i, c) <= r for p_i in p) for c, r in zip(centres, radii, strict=True)]
+    assert crowded(p, centres, radii) == (max(within, default=0) > 1)
+
+
+def test_every_circle_needs_a_radius():
+    with pytest.raises(ValueError, match="a radius for each centre"):
+        crowded(np.zeros((2, 2)), np.zeros((2, 2)), np.zeros(1))
