@@ -7,7 +7,8 @@ from typing import Any, Protocol
 
 from torch import Tensor
 
-from twinscrew.training.agents.base import Agent, Metrics
+from twinscrew.training.agents.base import Agent
+from twinscrew.training.agents.lesson import Metrics
 from twinscrew.training.buffer import Drawn
 from twinscrew.training.observations import Observations
 

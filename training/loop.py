@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.training.agents.base import Metrics
+from twinscrew.training.agents.lesson import Metrics
 from twinscrew.training.collect import Collector
 from twinscrew.training.learner import Alone, Learner
 from twinscrew.training.logs import Progress

@@ -15,7 +15,8 @@ import torch
 from torch import Tensor, nn
 from torch.func import functional_call, grad, stack_module_state
 
-from twinscrew.training.agents.base import Agent, Descent, Draws, Lesson, Metrics
+from twinscrew.training.agents.base import Agent
+from twinscrew.training.agents.lesson import Descent, Draws, Lesson, Metrics
 from twinscrew.training.agents.steps import anneal
 from twinscrew.training.buffer import Batch, Drawn
 from twinscrew.training.encoders import Seen, heed

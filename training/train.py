@@ -16,7 +16,7 @@ from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float32
 from twinscrew.runtime.settings import convert
 from twinscrew.training import runs
-from twinscrew.training.agents.base import Metrics
+from twinscrew.training.agents.lesson import Metrics
 from twinscrew.training.agents.registry import algorithm, make_agent
 from twinscrew.training.buffer import Drawn, ReplayBuffer
 from twinscrew.training.logs import Logs

@@ -20,7 +20,8 @@ from torch import Tensor
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.settings import Count, Positive
 from twinscrew.training.agents.actor_critic import ActorSettings, DeterministicAgent
-from twinscrew.training.agents.base import Draws, Lesson, Metrics, Rate
+from twinscrew.training.agents.base import Rate
+from twinscrew.training.agents.lesson import Draws, Lesson, Metrics
 from twinscrew.training.agents.steps import wide
 from twinscrew.training.buffer import Batch
 from twinscrew.training.encoders import heed

@@ -13,7 +13,8 @@ import torch
 from torch import Tensor, nn
 
 from twinscrew.runtime.settings import Positive
-from twinscrew.training.agents.base import Agent, AgentSettings, Descent, Draws, Lesson, Metrics
+from twinscrew.training.agents.base import Agent, AgentSettings
+from twinscrew.training.agents.lesson import Descent, Draws, Lesson, Metrics
 from twinscrew.training.agents.steps import adam, wide
 from twinscrew.training.encoders import Seen
 from twinscrew.training.networks import ACTIONS, Pilot

@@ -1,15 +1,9 @@
-"""What every agent is: named networks and optimisers, and an update made of a few descents.
-
-A loss is a function of a lesson (a batch and the random numbers it is learnt with) and of the
-networks' parameters alone: so several seeds can learn at once, their parameters stacked
-(`stack.py`).
-"""
+"""What every agent is: named networks and optimisers, and an update made of a few descents."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from typing import Annotated, Any, ClassVar, Generic, NamedTuple, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, TypeVar
 
 import torch
 from msgspec import Meta
@@ -17,6 +11,7 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from twinscrew.runtime.settings import Count, Fraction, Positive, Settings
+from twinscrew.training.agents.lesson import Descent, Draws, Lesson, Metrics
 from twinscrew.training.agents.steps import anneal, blend, descend
 from twinscrew.training.buffer import Batch
 from twinscrew.training.encoders import See, Seen, heed
@@ -24,8 +19,6 @@ from twinscrew.training.networks import NetworkSettings, Pilot
 from twinscrew.training.observations import Observations
 
 Rate = Annotated[float, Meta(gt=0.0, le=1.0)]
-Metrics = dict[str, Tensor]
-Draws = dict[str, Tensor]
 
 
 class AgentSettings(Settings, frozen=True):
@@ -50,33 +43,6 @@ class AgentSettings(Settings, frozen=True):
 
 
 S = TypeVar("S", bound=AgentSettings)
-
-
-class Lesson(NamedTuple):
-    """A batch of B transitions as features, with the random numbers that an update takes."""
-
-    seen: Seen
-    following: Seen
-    """What was seen when the n steps were over."""
-    action: Tensor
-    """(B, 2) in [-1, 1]."""
-    reward: Tensor
-    """(B,) Discounted sum over the n steps."""
-    discount: Tensor
-    """(B,) gamma^n; 0 where the episode ended."""
-    weight: Tensor
-    """(B,) Of each sample's loss: 1 unless transitions are drawn by priority."""
-    draws: Draws
-    """What the agent's `chance` gave."""
-
-
-class Descent(NamedTuple):
-    """One step of an update: a loss, and who goes down its gradient."""
-
-    loss: Callable[[Lesson], tuple[Tensor, Metrics]]
-    """Gives the loss, and what is told of it."""
-    learners: tuple[tuple[str, str], ...]
-    """Names of the networks and of their optimisers."""
 
 
 class Agent(ABC, Generic[S]):

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from twinscrew.training.agents.actor_critic import ActorSettings, DeterministicAgent
-from twinscrew.training.agents.base import Lesson, Metrics
+from twinscrew.training.agents.lesson import Lesson, Metrics
 from twinscrew.training.agents.steps import wide
 from twinscrew.training.losses import huber, td_target
 from twinscrew.training.networks import Actor

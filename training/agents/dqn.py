@@ -5,8 +5,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
-from twinscrew.training.agents.base import AgentSettings, Lesson, Metrics
+from twinscrew.training.agents.base import AgentSettings
 from twinscrew.training.agents.discrete import PAIRS, action_number, taken
+from twinscrew.training.agents.lesson import Lesson, Metrics
 from twinscrew.training.agents.steps import wide
 from twinscrew.training.agents.values import ValueAgent
 from twinscrew.training.losses import huber, td_target

@@ -12,8 +12,9 @@ from msgspec import Meta
 from torch import Tensor, nn
 
 from twinscrew.runtime.settings import Positive
-from twinscrew.training.agents.base import AgentSettings, Draws, Lesson, Metrics
+from twinscrew.training.agents.base import AgentSettings
 from twinscrew.training.agents.discrete import PAIRS, action_number
+from twinscrew.training.agents.lesson import Draws, Lesson, Metrics
 from twinscrew.training.agents.steps import wide
 from twinscrew.training.agents.values import ValueAgent
 from twinscrew.training.encoders import Seen

@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from twinscrew.runtime.settings import Positive
 from twinscrew.training.agents.actor_critic import ActorAgent, ActorSettings
-from twinscrew.training.agents.base import Descent, Draws, Lesson, Metrics
+from twinscrew.training.agents.lesson import Descent, Draws, Lesson, Metrics
 from twinscrew.training.agents.steps import adam, wide
 from twinscrew.training.encoders import Seen
 from twinscrew.training.losses import huber, td_target

@@ -9,8 +9,9 @@ from typing import ClassVar
 import torch
 from torch import Tensor, nn
 
-from twinscrew.training.agents.base import Agent, Descent, Draws, Lesson, Metrics, S
+from twinscrew.training.agents.base import Agent, S
 from twinscrew.training.agents.discrete import Greedy, random_pairs
+from twinscrew.training.agents.lesson import Descent, Draws, Lesson, Metrics
 from twinscrew.training.agents.steps import adam, wide
 from twinscrew.training.encoders import Seen
 from twinscrew.training.networks import Pilot
