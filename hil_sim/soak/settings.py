@@ -23,7 +23,7 @@ class Limits(Settings, frozen=True):
     missed_share: Fraction = 0.001
     """[-] Of decisions, while no fault acts on the vessel and the machine runs, that came later
     than the next scan."""
-    judged_share: Fraction = 0.75
+    judged_share: Fraction = 0.5
     """[-] Of a vessel's faults, at least, that can be judged: it was under way, the machine ran."""
     standstill_share: Fraction = 0.01
     """[-] Of the time that a core stood still, at most: what was measured is worth little else."""
