@@ -18,7 +18,7 @@ def test_half_a_minute_is_sailed_sampled_and_reported(tmp_path: Path) -> None:
     assert done.returncode == (0 if report["fine"] else 1)
     assert report == json.loads((folder / "report.json").read_text())
     found = {(row["vessel"], row["what"]): row for row in report["findings"]}
-    assert {vessel for vessel, _ in found} == {"wamv1", "wamv2", "wamv3"}
+    assert {vessel for vessel, _ in found} == {"wamv1", "wamv2", "wamv3", "machine"}
     for vessel in ("wamv1", "wamv2", "wamv3"):
         assert found[vessel, "unhandled exceptions"]["fine"] is True, report
         assert found[vessel, "file handles"]["fine"] is True, report
