@@ -26,6 +26,9 @@ class ObservationSettings(Settings, frozen=True, kw_only=True):
 
     perception_range_m: Positive = 20.0
     """[m] An object is seen while its nearest edge is within this (paper, sec. III)."""
+    goal_range_m: Positive = 72.0
+    """[m] A goal farther away is shown at this distance, in its direction: no training's map is
+    wider (starts and goals lie in 51 m square), and beyond what was learnt nothing is known."""
     own_radius_m: NonNegative = 2.795
     """[m] Radius of the own hull, half the diagonal of 5.0 m x 2.5 m (parameters.md, Vessel)."""
 
@@ -63,7 +66,7 @@ def observe(
     """
     R_NB = rotation_2d(odometry.heading)
     ego = np.empty(7, dtype=np.float32)
-    ego[:2] = (goal.position_N - odometry.position_N[:2]) @ R_NB
+    ego[:2] = _within(goal.position_N - odometry.position_N[:2], settings.goal_range_m) @ R_NB
     ego[2:5] = levelled_twist(odometry)
     ego[5:] = thrust
     objects = np.zeros((OBSERVED_OBJECTS, 5), dtype=np.float32)
@@ -77,6 +80,11 @@ def observe(
         objects[:count, 4] = tracks.radius[nearest]
         mask[:count] = 1.0
     return Observation(ego=ego, objects=objects, mask=mask)
+
+
+def _within(d_N: Float64, range_m: float) -> Float64:
+    """Shorten a vector, (2,) [m], that is longer than the range."""
+    return d_N * (range_m / max(float(np.hypot(*d_N)), range_m))
 
 
 def levelled_twist(odometry: Odometry) -> Float64:

@@ -55,6 +55,17 @@ def test_a_goal_in_the_east_is_ahead_when_heading_east():
     assert see(o=odometry(yaw=EAST)).ego[:2] == pytest.approx([30.0, 0.0], abs=1e-5)
 
 
+def test_a_goal_beyond_its_range_is_shown_at_that_range_in_its_direction():
+    seen = see(g=goal(north=310.0, east=-380.0), settings=ObservationSettings(goal_range_m=50.0))
+    assert seen.ego[:2] == pytest.approx([30.0, -40.0], abs=1e-5)
+
+
+def test_a_goal_within_its_range_is_shown_where_it_is():
+    exact = np.array([52.9 - 2.1, 53.0 - 2.0], np.float32)  # across the training's whole map
+    seen = see(o=odometry((2.1, 2.0, 0.0)), g=goal(52.9, 53.0))
+    assert np.array_equal(seen.ego[:2], exact)
+
+
 def test_an_object_in_the_north_is_to_port_when_heading_east():
     seen = see([[15.0, 20.0]], v_N=[[2.0, 0.0]], o=odometry(yaw=EAST))
     assert seen.objects[0] == pytest.approx([0.0, -5.0, 0.0, -2.0, 1.0], abs=1e-5)
