@@ -5,9 +5,8 @@ The rules, all of them:
 1. MANUAL is ours. Any other mode is somebody else's.
 2. At first contact we may ask for MANUAL if the boat is disarmed; an armed one is a pilot's.
 3. If MANUAL turns into another mode, a pilot took the boat, and we ask no more until he gives it
-   back by choosing MANUAL. The one exception: HOLD that the autopilot's own radio failsafe chose
-   (it says so), which we may leave again. Not at first contact: who has not seen a HOLD begin
-   cannot know whether a pilot chose it, for it hears of the failsafe's end all the same.
+   back by choosing MANUAL. The one exception to 2 and 3: HOLD that the autopilot's own radio
+   failsafe chose (it says so), which we may leave again.
 4. We arm at most once, if told to. A boat that was armed and is disarmed stays so.
 
 An operator's explicit word (`ask_again`) starts over.
@@ -81,8 +80,7 @@ class Authority:
             if before != MANUAL:
                 self._failsafe_s = -math.inf  # used up: it excuses one HOLD, not the next
         elif mode != before:
-            if before is not None:
-                self._changed_s = now_s
+            self._changed_s = now_s
             self.held = mode == HOLD and self._failsafe_is_near()
             self.taken = not self.held and (armed or before not in (None, INITIALISING))
 

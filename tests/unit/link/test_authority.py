@@ -97,18 +97,6 @@ def test_a_failsafe_long_after_a_pilots_hold_does_not_take_the_boat_from_him():
     assert not boss.asks_manual
 
 
-@pytest.mark.parametrize("word_first", [True, False])
-def test_a_hold_that_was_there_at_first_contact_is_a_pilots_whatever_is_said(word_first):
-    boss = authority(ask=AskManual.AFTER_FAILSAFE)
-    if word_first:
-        boss.failsafe(now_s=9.9)
-    boss.heard(HOLD, armed=True, now_s=10.0)
-    if not word_first:
-        boss.failsafe(now_s=10.1)
-    assert boss.taken
-    assert not boss.asks_manual
-
-
 def test_a_failsafe_excuses_no_other_mode_than_hold():
     boss = in_manual()
     boss.failsafe(now_s=10.0)
