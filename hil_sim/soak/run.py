@@ -25,6 +25,7 @@ from twinscrew.hil_sim.soak.schedule import (
     fits_under_way,
     joined,
     spares_the_runtime,
+    waits,
 )
 from twinscrew.hil_sim.soak.settings import SoakSettings
 from twinscrew.hil_sim.soak.standstill import Watch
@@ -71,7 +72,7 @@ def soak(
     ]
     folders = [folder / name for name in scenario.names]
     configs = [_config(settings, name, i + 1, folders[i]) for i, name in enumerate(scenario.names)]
-    patrol = Patrol(world)
+    patrol = Patrol(world, [waits(schedule) for schedule in schedules])
     plans = [joined(schedule) for schedule in schedules]
     with (
         Watch(folder) as watch,

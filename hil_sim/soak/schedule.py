@@ -9,6 +9,7 @@ from msgspec.structs import replace
 from numpy.random import Generator
 
 from twinscrew.hil_sim.faults.plan import Fault, FaultPlan
+from twinscrew.hil_sim.faults.timeline import Span
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,6 +57,15 @@ def joined(scheduled: Sequence[Scheduled]) -> FaultPlan:
     """Give all of them as one plan."""
     faults = tuple(fault for one in scheduled for fault in one.plan.fault)
     return FaultPlan(fault=faults, name="soak")
+
+
+def waits(scheduled: Sequence[Scheduled]) -> list[Span]:
+    """Give when a vessel waits for a goal that one of its faults gives itself, as an operator."""
+    return [
+        Span(one.begin_s, max(fault.at_s for fault in goals))
+        for one in scheduled
+        if (goals := [fault for fault in one.plan.fault if fault.kind == "goal"])
+    ]
 
 
 def spares_the_runtime(plan: FaultPlan) -> bool:

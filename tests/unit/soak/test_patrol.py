@@ -1,5 +1,6 @@
 import numpy as np
 
+from twinscrew.hil_sim.faults.timeline import Span
 from twinscrew.hil_sim.faults.waters import lanes
 from twinscrew.hil_sim.soak.patrol import AGAIN_S, TURN_M, Patrol
 from twinscrew.hil_sim.world import make_world
@@ -26,3 +27,14 @@ def test_a_goal_is_given_again_because_a_fault_may_have_swallowed_it() -> None:
     assert np.array_equal(patrol.goal_of(0), scenario.goals[0])
     assert patrol.goal_of(0) is None
     assert patrol.turns == [0]
+
+
+def test_a_vessel_whose_fault_gives_the_goal_itself_is_given_none_meanwhile() -> None:
+    world = make_world(lanes(2, 60.0))
+    patrol = Patrol(world, [[Span(AGAIN_S - 1.0, AGAIN_S + 1.0)], []])
+    assert patrol.goal_of(0) is None
+    world.advance(AGAIN_S + 0.5, np.zeros((2, 2)))
+    assert patrol.goal_of(0) is None
+    assert patrol.goal_of(1) is not None
+    world.advance(1.0, np.zeros((2, 2)))
+    assert patrol.goal_of(0) is not None

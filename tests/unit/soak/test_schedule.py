@@ -3,7 +3,7 @@ import pytest
 
 from twinscrew.hil_sim.faults.plan import load_plan
 from twinscrew.hil_sim.soak.run import plans_for
-from twinscrew.hil_sim.soak.schedule import draw, joined, spares_the_runtime
+from twinscrew.hil_sim.soak.schedule import draw, joined, spares_the_runtime, waits
 
 HOUR_S = 3600.0
 PAUSE_S = (2.0, 8.0)
@@ -35,6 +35,15 @@ def test_times_within_a_fault_stay_as_they_are() -> None:
     assert [fault.at_s for fault in one.plan.fault] == pytest.approx(
         [fault.at_s + shift for fault in shipped.fault]
     )
+
+
+def test_a_vessel_whose_fault_gives_the_goal_itself_waits_for_it() -> None:
+    schedule = drawn(5)
+    killed = [one for one in schedule if one.plan.name == "runtime_killed"]
+    assert killed
+    assert [tuple(span) for span in waits(schedule)] == [
+        (one.begin_s, pytest.approx(one.begin_s + 10.0)) for one in killed
+    ]
 
 
 def test_in_an_hour_nearly_every_fault_comes() -> None:
