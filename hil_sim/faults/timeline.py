@@ -21,6 +21,10 @@ class Span(NamedTuple):
         """[s] How long it is."""
         return self.end_s - self.begin_s
 
+    def holds(self, time_s: float) -> bool:
+        """Tell whether a time lies in it, its ends included."""
+        return self.begin_s <= time_s <= self.end_s
+
 
 class Timeline(Generic[T]):
     """Remembers what something was, and when; only changes are kept."""

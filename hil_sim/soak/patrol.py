@@ -29,7 +29,7 @@ class Patrol:
             gives it then, and the boat is to wait for him.
         """
         self._world = world
-        self._waits = waits
+        self._waits = waits or [()] * world.scenario.vessels
         self._begin_s: float | None = None
         self.turns = [0] * world.scenario.vessels
         """[-] How often each vessel was sent back."""
@@ -50,8 +50,7 @@ class Patrol:
         if self._begin_s is None:
             self._begin_s = self._world.time_s
         since_s = self._world.time_s - self._begin_s
-        spans = self._waits[vessel] if self._waits else ()
-        return any(span.begin_s <= since_s <= span.end_s for span in spans)
+        return any(span.holds(since_s) for span in self._waits[vessel])
 
     def _goal(self, vessel: int) -> Float64:
         goal_N: Float64 = self.ends(vessel)[(self.turns[vessel] + 1) % 2]

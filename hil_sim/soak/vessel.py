@@ -117,7 +117,7 @@ def _missed(crew: FaultyCrew, vessel: int, standstills: list[Span]) -> Missed:
         for made in crew.made
         if made.vessel == vessel or made.fault.target == "machine"
     ]
-    others = [t for t in late_s if not any(span.begin_s <= t <= span.end_s for span in faults)]
+    others = [t for t in late_s if not any(span.holds(t) for span in faults)]
     own = [t for t in others if within(standstills, t - HEARD_S, t) == 0.0]
     return Missed(len(own), len(late_s) - len(others), len(others) - len(own))
 

@@ -1,4 +1,5 @@
-// Four floats or two doubles at once, with the compiler's own vectors; the same results on every machine.
+// Four floats or two doubles at once, with the compiler's own vectors; the same results on every
+// machine.
 #pragma once
 
 #include <cmath>

@@ -30,3 +30,8 @@ def test_a_change_that_changes_nothing_about_it_does_not_end_a_span() -> None:
 
 def test_a_span_has_a_length() -> None:
     assert Span(1.5, 4.0).length_s == 2.5
+
+
+def test_a_span_holds_its_ends_and_what_lies_between() -> None:
+    span = Span(1.0, 2.0)
+    assert [span.holds(t) for t in (0.9, 1.0, 1.5, 2.0, 2.1)] == [False, True, True, True, False]
