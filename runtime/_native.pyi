@@ -208,8 +208,15 @@ class Foresight:
         margin: float,
         approach: float,
     ) -> None: ...
+    def acceleration(
+        self, motion: Sequence[float], thrust: tuple[float, float]
+    ) -> tuple[float, float, float]: ...
     def path(
-        self, motion: Sequence[float], thrust: tuple[float, float], law: Law
+        self,
+        motion: Sequence[float],
+        thrust: tuple[float, float],
+        law: Law,
+        push: tuple[float, float],
     ) -> NDArray[np.float64]: ...
     def contact(
         self,
@@ -224,6 +231,7 @@ class Foresight:
         motion: Sequence[float],
         thrust: tuple[float, float],
         law: Law,
+        push: tuple[float, float],
         p: NDArray[np.float64],
         v: NDArray[np.float64],
         radius: NDArray[np.float64],

@@ -15,6 +15,7 @@ namespace twinscrew {
 
 using Thrusts = std::array<double, 2>;  // [N] of the left and the right propeller
 using Planar = std::array<double, 3>;   // surge, sway [m/s], yaw rate [rad/s]; or x, y [m], heading
+using Push = std::array<double, 2>;     // [N] x and y, in the frame of the beginning: as from wind
 
 // What a manoeuvre wants of the propellers: `first` for a while, then base - gain * surge.
 struct Law {
@@ -58,7 +59,7 @@ struct Surroundings {
 };
 
 struct Contact {
-  double harm = 0.0;  // [m/s] how much faster than allowed it closes in, less the later
+  double harm = 0.0;  // [m/s] how much faster than allowed it closes in, and how long; less the later
   double time = std::numeric_limits<double>::infinity();  // [s] until it first does
   double speed = 0.0;                                     // [m/s] how fast it then closes in
   int circle = -1;                                        // which one it is
@@ -67,19 +68,38 @@ struct Contact {
 
 // Predicts and judges; keeps its memory between calls.
 class Foresight {
+  // [1/s] What comes faster than allowed for a second does as much harm as what comes twice as fast.
+  // Without it all ways out are alike where the first moment, which none can change, is the worst.
+  static constexpr double LASTING = 1.0;
+
  public:
   Foresight(const VesselInPlane& vessel, std::vector<HullCircle> hull, const ContactRules& rules)
       : vessel_(vessel), hull_(std::move(hull)), rules_(rules), path_(static_cast<std::size_t>(rules.steps) + 1) {}
 
-  // Euler steps of the velocity, trapezoids of the position, from the origin on.
+  // How the velocity changes, pushed in the vessel's own frame [m/s2, m/s2, rad/s2].
   // Fossen (2021), chapters 3 and 6; added mass is within the inertia.
-  std::span<const Planar> sail(const Planar& motion, Thrusts thrust, const Law& law) {
+  Planar acceleration(const Planar& nu, const Thrusts& thrust, const Push& push = {}) const {
+    const auto [u, v, r] = nu;
+    const auto [m11, m22, m66] = vessel_.inertia;
+    const auto drag = [&](std::size_t i) {
+      return (vessel_.linear[i] + vessel_.quadratic[i] * std::fabs(nu[i])) * nu[i];
+    };
+    const double surge = thrust[0] + thrust[1] + m22 * v * r - drag(0) + push[0];
+    const double sway = -m11 * u * r - drag(1) + push[1];
+    const double yaw = (thrust[0] - thrust[1]) * vessel_.lever + (m11 - m22) * u * v - drag(2);
+    return {surge / m11, sway / m22, yaw / m66};
+  }
+
+  // Euler steps of the velocity, trapezoids of the position, from the origin on.
+  std::span<const Planar> sail(const Planar& motion, Thrusts thrust, const Law& law,
+                               const Push& push = {}) {
     auto [u, v, r] = motion;
     Planar pose{};
     path_[0] = pose;
     for (int step = 0; step < rules_.steps; ++step) {
       thrust = slewed(thrust, law(step * rules_.dt, u));
-      const auto [du, dv, dr] = change({u, v, r}, thrust);
+      const auto [ax, ay, ar] = acceleration({u, v, r}, thrust, turned(push, pose[2]));
+      const double du = rules_.dt * ax, dv = rules_.dt * ay, dr = rules_.dt * ar;
       // The mean of the velocities before and after: the new ones alone would brake too well.
       const double ahead = u + du / 2.0, across = v + dv / 2.0;
       const double turn = rules_.dt * (r + dr / 2.0);
@@ -97,6 +117,7 @@ class Foresight {
   // counts less, down to nothing at the horizon: until then there is time to decide again.
   Contact judge(std::span<const Planar> path, const Surroundings& around) const {
     Contact worst;
+    double peak = 0.0, sum = 0.0;
     for (std::size_t step = 1; step < path.size(); ++step) {
       Contact now;
       for (const HullCircle& own : hull_) {
@@ -107,8 +128,10 @@ class Foresight {
         worst.speed = fastest(path, step, around, static_cast<std::size_t>(now.circle));
         worst.to_starboard = starboard(path, step, around, static_cast<std::size_t>(now.circle));
       }
-      worst.harm = std::max(worst.harm, now.harm);
+      peak = std::max(peak, now.harm);
+      sum += now.harm;
     }
+    worst.harm = peak + LASTING * rules_.dt * sum;
     return worst;
   }
 
@@ -121,17 +144,9 @@ class Foresight {
     return thrust;
   }
 
-  // How the velocity changes in one step.
-  Planar change(const Planar& nu, const Thrusts& thrust) const {
-    const auto [u, v, r] = nu;
-    const auto [m11, m22, m66] = vessel_.inertia;
-    const auto drag = [&](std::size_t i) {
-      return (vessel_.linear[i] + vessel_.quadratic[i] * std::fabs(nu[i])) * nu[i];
-    };
-    const double surge = thrust[0] + thrust[1] + m22 * v * r - drag(0);
-    const double sway = -m11 * u * r - drag(1);
-    const double yaw = (thrust[0] - thrust[1]) * vessel_.lever + (m11 - m22) * u * v - drag(2);
-    return {rules_.dt * surge / m11, rules_.dt * sway / m22, rules_.dt * yaw / m66};
+  static Push turned(const Push& push, double heading) {
+    const double cosine = std::cos(heading), sine = std::sin(heading);
+    return {cosine * push[0] + sine * push[1], cosine * push[1] - sine * push[0]};
   }
 
   // From a circle of the hull to where a track then is.
@@ -163,10 +178,10 @@ class Foresight {
     if (!(left < rules_.margin)) return;
     const double time = static_cast<double>(step) * rules_.dt;
     const double weight = 1.0 - time / (around.horizon[k] + rules_.dt);
-    const double allowed = rules_.approach * std::max(left, 0.0);
+    const double allowed = rules_.approach * left;
     const double harm =
         (closing(path, step, own, around, k) - allowed) * std::max(weight, 0.0);
-    if (harm > now.harm) now = {harm, time, 0.0, static_cast<int>(k), false};
+    if (harm > now.harm) now = {.harm = harm, .time = time, .circle = static_cast<int>(k)};
   }
 
   double fastest(std::span<const Planar> path, std::size_t step, const Surroundings& around,

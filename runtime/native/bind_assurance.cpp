@@ -68,14 +68,22 @@ void bind_assurance(nb::module_& m) {
           nb::kw_only(), "vessel"_a, "lever"_a, "hull"_a, "steps"_a, "dt"_a, "slew"_a, "margin"_a,
           "approach"_a)
       .def(
+          "acceleration",
+          [](const Foresight& self, const Planar& motion, const Thrusts& thrust) {
+            const auto [surge, sway, yaw] = self.acceleration(motion, thrust);
+            return nb::make_tuple(surge, sway, yaw);
+          },
+          "motion"_a, "thrust"_a)
+      .def(
           "path",
-          [](Foresight& self, const Planar& motion, const Thrusts& thrust, const Law& law) {
-            const auto path = self.sail(motion, thrust, law);
+          [](Foresight& self, const Planar& motion, const Thrusts& thrust, const Law& law,
+             const Push& push) {
+            const auto path = self.sail(motion, thrust, law, push);
             return make_array<double>({path.size(), 3}, [&](double* out) {
               for (const Planar& pose : path) out = std::copy(pose.begin(), pose.end(), out);
             });
           },
-          "motion"_a, "thrust"_a, "law"_a)
+          "motion"_a, "thrust"_a, "law"_a, "push"_a)
       .def(
           "contact",
           [](const Foresight& self, In<-1, 3> path, In<-1, 2> p, In<-1, 2> v, In<-1> radius,
@@ -88,11 +96,11 @@ void bind_assurance(nb::module_& m) {
       .def(
           "judge",
           [](Foresight& self, const Planar& motion, const Thrusts& thrust, const Law& law,
-             In<-1, 2> p, In<-1, 2> v, In<-1> radius, In<-1> horizon) {
+             const Push& push, In<-1, 2> p, In<-1, 2> v, In<-1> radius, In<-1> horizon) {
             const Surroundings around = surroundings(p, v, radius, horizon);
-            return as_tuple(self.judge(self.sail(motion, thrust, law), around));
+            return as_tuple(self.judge(self.sail(motion, thrust, law, push), around));
           },
-          "motion"_a, "thrust"_a, "law"_a, "p"_a, "v"_a, "radius"_a, "horizon"_a);
+          "motion"_a, "thrust"_a, "law"_a, "push"_a, "p"_a, "v"_a, "radius"_a, "horizon"_a);
 }
 
 }  // namespace twinscrew

@@ -9,6 +9,8 @@ docs/assurance.md.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from twinscrew.runtime._native import Law
@@ -25,6 +27,7 @@ from twinscrew.runtime.safety.assurance_contact import (
     Contact,
     surroundings,
 )
+from twinscrew.runtime.safety.assurance_disturbance import DisturbanceObserver
 from twinscrew.runtime.safety.assurance_foresight import Foresight
 from twinscrew.runtime.safety.assurance_manoeuvres import Manoeuvre, held, later, ways_out
 from twinscrew.runtime.safety.assurance_vessel import (
@@ -36,6 +39,9 @@ from twinscrew.runtime.safety.assurance_vessel import (
 from twinscrew.runtime.safety.events import ASSURANCE_INTERVENED, ASSURANCE_RELEASED
 from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
+
+Judge = Callable[[Thrust, Law], Contact]
+"""What a law of the propellers leads to, from this thrust on."""
 
 
 class AssuranceSettings(Settings, frozen=True):
@@ -70,6 +76,10 @@ class AssuranceSettings(Settings, frozen=True):
     """[N s/m] Braking asks each propeller for this times the speed, astern."""
     turn_n: Positive = 500.0
     """[N] Turning while braking asks for this more to port, and less to starboard."""
+    disturbance_time_s: Positive = 3.0
+    """[s] Time constant with which wind and current are learnt from how the vessel moves."""
+    disturbance_limit_n: NonNegative = 300.0
+    """[N] They are never taken for more; 0: they are not learnt."""
     vessel: AssuranceVessel = AssuranceVessel()
 
 
@@ -90,6 +100,12 @@ class Assurance:
             margin_m=self.settings.margin_m,
             approach_per_s=self.settings.approach_per_s,
         )
+        self._disturbance = DisturbanceObserver(
+            self._foresight.acceleration,
+            vessel.inertia[:2],
+            time_constant_s=self.settings.disturbance_time_s,
+            limit_n=self.settings.disturbance_limit_n,
+        )
         self._ways_out = {side: self._make_ways_out(side) for side in (False, True)}
         way_m = horizon * vessel.top_speed_mps(self.limits.max_n)
         self._reach_m = way_m + vessel.extent_m + self.settings.margin_m
@@ -100,6 +116,7 @@ class Assurance:
         self._begun: str | None = None
         self._begun_ns = 0
         self._last_ns: int | None = None
+        self._disturbance.pause()
 
     def step(
         self,
@@ -135,16 +152,21 @@ class Assurance:
         since_s = self._since_last(stamp_ns)
         if not self.settings.enabled:
             return command, ()
+        motion = Motion(*levelled_twist(odometry).tolist())
+        given, wanted = _pair(previous), _pair(command)
+        push = self._disturbance.step(odometry.stamp_ns, motion, odometry.heading, given)
         circles = self._around(odometry, tracks)
         if not circles.id:
             return command, self._release(stamp_ns)
-        motion = Motion(*levelled_twist(odometry).tolist())
-        given, wanted = _pair(previous), _pair(command)
-        danger = self._foresight.judge(motion, wanted, held(wanted), circles)
+
+        def judge(thrust: Thrust, law: Law) -> Contact:
+            return self._foresight.judge(motion, thrust, law, circles, push)
+
+        danger = judge(wanted, held(wanted))
         resumes = self._begun is not None and not decided
-        if not resumes and self._may_pass(motion, wanted, danger, circles):
+        if not resumes and self._may_pass(wanted, danger, judge):
             return command, self._release(stamp_ns)
-        manoeuvre, rest = self._best(motion, given, danger, circles)
+        manoeuvre, rest = self._best(given, danger, judge)
         if not resumes and rest.harm > danger.harm - self.settings.tolerance_mps:
             return command, self._release(stamp_ns)
         thrust = slewed(given, manoeuvre.law(0.0, motion.surge), self.settings.slew_nps * since_s)
@@ -168,25 +190,22 @@ class Assurance:
             static_mps=settings.static_mps,
         )
 
-    def _may_pass(self, motion: Motion, command: Thrust, danger: Contact, circles: Circles) -> bool:
+    def _may_pass(self, command: Thrust, danger: Contact, judge: Judge) -> bool:
         """Tell whether the command avoids contact, or can be followed until a later way out."""
         tolerance = self.settings.tolerance_mps
         return danger.harm <= tolerance or any(
-            self._foresight.judge(motion, command, self._after_wait(command, way.law), circles).harm
-            <= tolerance
+            judge(command, self._after_wait(command, way.law)).harm <= tolerance
             for way in self._ways_out[danger.to_starboard]
         )
 
     def _after_wait(self, command: Thrust, law: Law) -> Law:
         return later(self.settings.wait_s, command, law)
 
-    def _best(
-        self, motion: Motion, given: Thrust, danger: Contact, circles: Circles
-    ) -> tuple[Manoeuvre, Contact]:
+    def _best(self, given: Thrust, danger: Contact, judge: Judge) -> tuple[Manoeuvre, Contact]:
         """Give the first way out without contact, or else the gentlest, and what it leads to."""
         judged = []
         for way in self._ways_out[danger.to_starboard]:
-            rest = self._foresight.judge(motion, given, way.law, circles)
+            rest = judge(given, way.law)
             if rest.harm <= self.settings.tolerance_mps:
                 return way, rest
             judged.append((way, rest))

@@ -30,7 +30,8 @@ class Contact(NamedTuple):
     """The worst that a path leads to."""
 
     harm: float
-    """[m/s] How much faster than allowed it closes in, less the later; 0 if it leads to none."""
+    """[m/s] How much faster than allowed it closes in, at most and, times 1 /s, in all; less the
+    later; 0 if it leads to none."""
     time_s: float = float("inf")
     """[s] From now until the vessel first closes in too fast."""
     speed_mps: float = 0.0

@@ -10,7 +10,13 @@ from twinscrew.runtime import _native
 from twinscrew.runtime._native import Law
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.safety.assurance_contact import NO_CONTACT, Circles, Contact
-from twinscrew.runtime.safety.assurance_vessel import AssuranceVessel, Motion, Thrust
+from twinscrew.runtime.safety.assurance_vessel import (
+    STILL,
+    AssuranceVessel,
+    Motion,
+    Push,
+    Thrust,
+)
 
 
 class Foresight:
@@ -50,7 +56,11 @@ class Foresight:
             approach=approach_per_s,
         )
 
-    def path(self, motion: Motion, thrust: Thrust, law: Law) -> Float64:
+    def acceleration(self, motion: Motion, thrust: Thrust) -> Motion:
+        """Give how the motion changes where nothing but thrust and water acts [m/s2, rad/s2]."""
+        return Motion(*self._kernel.acceleration(motion, thrust))
+
+    def path(self, motion: Motion, thrust: Thrust, law: Law, push: Push = STILL) -> Float64:
         """Sail a manoeuvre: Euler steps of the velocity, trapezoids of the position.
 
         Parameters
@@ -59,13 +69,15 @@ class Foresight:
             How the vessel moves, and what its propellers give, now.
         law
             The manoeuvre.
+        push
+            What wind and current do, as long as the prediction lasts.
 
         Returns
         -------
         path : (T + 1, 3) float64
             x, y [m], heading [rad], from now on, in the vessel's present levelled frame.
         """
-        return self._kernel.path(motion, thrust, law)
+        return self._kernel.path(motion, thrust, law, push)
 
     def contact(self, path: Float64, circles: Circles) -> Contact:
         """Judge a path as `path` gives it, of any length.
@@ -78,10 +90,12 @@ class Foresight:
         c = circles
         return _contact(self._kernel.contact(path, c.p_B, c.v_B, c.radius, c.horizon_s), c)
 
-    def judge(self, motion: Motion, thrust: Thrust, law: Law, circles: Circles) -> Contact:
+    def judge(
+        self, motion: Motion, thrust: Thrust, law: Law, circles: Circles, push: Push = STILL
+    ) -> Contact:
         """Sail a manoeuvre and judge where it leads: `path` and `contact` in one."""
         c = circles
-        found = self._kernel.judge(motion, thrust, law, c.p_B, c.v_B, c.radius, c.horizon_s)
+        found = self._kernel.judge(motion, thrust, law, push, c.p_B, c.v_B, c.radius, c.horizon_s)
         return _contact(found, c)
 
 

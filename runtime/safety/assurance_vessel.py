@@ -54,6 +54,10 @@ class Motion(NamedTuple):
 Thrust = tuple[float, float]
 """[N] Of the left and the right propeller."""
 
+Push = tuple[float, float]
+"""[N] x and y of a force that is not of the propellers, as of wind or current."""
+STILL: Push = (0.0, 0.0)
+
 
 def slewed(thrust: Thrust, wanted: Thrust, step_n: float) -> Thrust:
     """Change each thrust by at most a step [N] towards what is wanted."""

@@ -13,19 +13,20 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto motion = input.take<Planar>();
   const auto thrust = input.take<Thrusts>();
   const auto law = input.take<Law>();
+  const auto push = input.take<Push>();
   const std::vector<double> rows = input.rest<double>();
   const std::size_t count = rows.size() / ROW;
   const std::span<const double> all(rows);
   const Surroundings around{all.subspan(0, 2 * count), all.subspan(2 * count, 2 * count),
                             all.subspan(4 * count, count), all.subspan(5 * count, count)};
-  const auto path = foresight.sail(motion, thrust, law);
+  const auto path = foresight.sail(motion, thrust, law, push);
   if (path.size() != 25 || path[0] != Planar{}) __builtin_trap();
   const Contact found = foresight.judge(path, around);
   if (!(found.harm >= 0.0)) __builtin_trap();
   if (found.circle >= static_cast<int>(count)) __builtin_trap();
   if ((found.circle < 0) != (found.harm == 0.0)) __builtin_trap();
   // It remembers nothing: the same again is the same.
-  const Contact again = foresight.judge(foresight.sail(motion, thrust, law), around);
+  const Contact again = foresight.judge(foresight.sail(motion, thrust, law, push), around);
   if (again.harm != found.harm || again.circle != found.circle) __builtin_trap();
   return 0;
 }

@@ -47,10 +47,17 @@ def buoys(scan: int, p_N: Float64) -> Tracks:
 
 
 class Voyage:
-    """A reckless policy among buoys, ten scans a second."""
+    """A reckless policy among buoys, ten scans a second, in a wind that pushes with a force."""
 
-    def __init__(self, p_N: Float64, rates: list[tuple[float, float]], **wanted: object) -> None:
+    def __init__(
+        self,
+        p_N: Float64,
+        rates: list[tuple[float, float]],
+        wind_N: tuple[float, float] = (0.0, 0.0),
+        **wanted: object,
+    ) -> None:
         self.p_N = p_N
+        self.wind_N = np.array(wind_N)
         self.assurance = Assurance(AssuranceSettings(**{"enabled": True, **wanted}))
         self.thrusts = [np.zeros(2)]
         self.decided = [np.zeros(2)]
@@ -70,7 +77,9 @@ class Voyage:
             self.thrusts.append(thrust)
             self.decided.append(command)
             for _ in range(10):
-                pose, nu = VESSEL.step(pose, nu, thrust, SCAN_S / 10)
+                wind_B = self.wind_N @ rotation_2d(pose[2])
+                tau = np.array([*wind_B, 0.0])
+                pose, nu = VESSEL.step(pose, nu, thrust, SCAN_S / 10, tau)
             self.gaps.append(np.hypot(*(self.p_N - pose[:2]).T) - RADIUS_M - 1.0)
 
 
@@ -88,6 +97,25 @@ PLACES = st.lists(PLACE, min_size=1, max_size=3).map(np.array)
 @example(np.array([[5.26549537, -2.87655323]]), [(0.0, 465.0)] * 21)  # creeps up to it
 def test_no_policy_can_run_a_vessel_into_a_buoy(p_N, rates):
     assert np.min(Voyage(p_N, rates).gaps) > 0.0
+
+
+WIND = st.tuples(st.floats(0.0, 60.0), st.floats(-np.pi, np.pi)).map(
+    lambda polar: (polar[0] * np.cos(polar[1]), polar[0] * np.sin(polar[1]))
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(PLACES, st.one_of(RATES, RECKLESS), WIND)
+@example(np.array([[6.0, 0.0]]), [(0.0, 0.0)] * 60, (50.0, 0.0))  # only drifts
+@example(np.array([[0.0, 6.0]]), [(0.0, 0.0)] * 60, (0.0, 50.0))  # beam on
+def test_nor_can_a_policy_and_the_wind_together(p_N, rates, wind_N):
+    assert np.min(Voyage(p_N, rates, wind_N).gaps) > 0.0
+
+
+def test_who_does_not_learn_of_the_wind_drifts_into_the_buoy():
+    beam_on = np.array([[0.0, 6.0]]), [(0.0, 0.0)] * 60, (0.0, 50.0)
+    assert np.min(Voyage(*beam_on, disturbance_limit_n=0.0).gaps) < 0.0
+    assert np.min(Voyage(*beam_on).gaps) > 0.0
 
 
 def test_without_it_the_same_recklessness_ends_on_the_buoy():

@@ -12,7 +12,7 @@ from twinscrew.runtime._native import Law
 from twinscrew.runtime.safety.assurance_contact import Circles
 from twinscrew.runtime.safety.assurance_foresight import Foresight
 from twinscrew.runtime.safety.assurance_manoeuvres import braking, held, later, ways_out
-from twinscrew.runtime.safety.assurance_vessel import AssuranceVessel, Motion
+from twinscrew.runtime.safety.assurance_vessel import STILL, AssuranceVessel, Motion
 from twinscrew.runtime.safety.guard import ThrustLimits
 
 STEPS, DT, SLEW, MARGIN, APPROACH = 40, 0.1, 1000.0, 0.8, 0.7
@@ -21,6 +21,7 @@ HULLS = (((0.0, 2.8),), ((-1.7, 1.3), (1.5, 1.4)), ((0.0, 0.4), (2.0, 0.3), (-2.
 
 thrusts = st.tuples(*2 * [st.floats(-500.0, 1000.0)])
 motions = st.builds(Motion, st.floats(-2.0, 4.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+pushes = st.tuples(*2 * [st.floats(-300.0, 300.0)])
 vessels = st.builds(lambda hull: AssuranceVessel(hull=hull), st.sampled_from(HULLS))
 
 
@@ -68,25 +69,27 @@ def circles(seed: int, count: int) -> Circles:
     )
 
 
-@given(vessels, motions, thrusts, recipes)
-def test_the_path_is_the_plain_ones(vessel, motion, thrust, recipe):
+@given(vessels, motions, thrusts, recipes, pushes)
+def test_the_path_is_the_plain_ones(vessel, motion, thrust, recipe, push):
     law = recipe()
-    expected = predict(vessel, motion, thrust, law, steps=STEPS, dt=DT, slew_nps=SLEW)
-    assert foresight(vessel).path(motion, thrust, law) == pytest.approx(expected, abs=1e-12)
+    expected = predict(vessel, motion, thrust, law, steps=STEPS, dt=DT, slew_nps=SLEW, push=push)
+    assert foresight(vessel).path(motion, thrust, law, push) == pytest.approx(expected, abs=1e-12)
 
 
-@given(vessels, motions, thrusts, recipes, st.integers(0, 1 << 20), st.integers(1, 12))
-@example(AssuranceVessel(), Motion(3.0, 0.0, 0.0), (1e3, 1e3), partial(held, (1e3, 1e3)), 3, 12)
-def test_the_contact_is_the_plain_ones(vessel, motion, thrust, recipe, seed, count):
+@given(vessels, motions, thrusts, recipes, pushes, st.integers(0, 1 << 20), st.integers(1, 12))
+@example(
+    AssuranceVessel(), Motion(3.0, 0.0, 0.0), (1e3, 1e3), partial(held, (1e3, 1e3)), STILL, 3, 12
+)
+def test_the_contact_is_the_plain_ones(vessel, motion, thrust, recipe, push, seed, count):
     law = recipe()
     around = circles(seed, count)
-    path = predict(vessel, motion, thrust, law, steps=STEPS, dt=DT, slew_nps=SLEW)
+    path = predict(vessel, motion, thrust, law, steps=STEPS, dt=DT, slew_nps=SLEW, push=push)
     expected = worst_contact(
         path, around, vessel.hull, dt=DT, margin_m=MARGIN, approach_per_s=APPROACH
     )
     for found in (
         foresight(vessel).contact(path, around),
-        foresight(vessel).judge(motion, thrust, law, around),
+        foresight(vessel).judge(motion, thrust, law, around, push),
     ):
         assert found == pytest.approx(expected, abs=1e-9)
 

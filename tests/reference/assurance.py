@@ -13,7 +13,14 @@ import numpy as np
 
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.safety.assurance_contact import NO_CONTACT, Circles, Contact
-from twinscrew.runtime.safety.assurance_vessel import AssuranceVessel, Motion, Thrust, slewed
+from twinscrew.runtime.safety.assurance_vessel import (
+    STILL,
+    AssuranceVessel,
+    Motion,
+    Push,
+    Thrust,
+    slewed,
+)
 
 Law = Callable[[float, float], Thrust]
 """What a manoeuvre wants of the propellers, by the time from now [s] and the surge then [m/s]."""
@@ -28,6 +35,7 @@ def predict(
     steps: int,
     dt: float,
     slew_nps: float,
+    push: Push = STILL,
 ) -> Float64:
     """Sail a manoeuvre: Euler steps of the velocity, trapezoids of the position.
 
@@ -43,6 +51,8 @@ def predict(
         Their length [s].
     slew_nps : float
         How fast each thrust may change [N/s].
+    push
+        A force that stays the same over ground [N], in the vessel's present levelled frame.
 
     Returns
     -------
@@ -59,8 +69,9 @@ def predict(
         if wanted != thrust:
             thrust = slewed(thrust, wanted, slew_nps * dt)
         left, right = thrust
-        surge = left + right + m22 * v * r - (x_u + x_uu * abs(u)) * u
-        sway = -m11 * u * r - (y_v + y_vv * abs(v)) * v
+        c, s = math.cos(heading), math.sin(heading)
+        surge = left + right + m22 * v * r - (x_u + x_uu * abs(u)) * u + c * push[0] + s * push[1]
+        sway = -m11 * u * r - (y_v + y_vv * abs(v)) * v + c * push[1] - s * push[0]
         yaw = (left - right) * lever + (m11 - m22) * u * v - (n_r + n_rr * abs(r)) * r
         # The mean of the velocities before and after: the new ones alone would brake too well.
         du, dv, dr = dt * surge / m11, dt * sway / m22, dt * yaw / m66
@@ -85,8 +96,9 @@ def worst_contact(
     """Judge a path.
 
     Nearer than the margin, closing in is allowed at `approach_per_s` times the gap that is left, so
-    that a vessel may pass along an edge, or lie beside it, but not run into it. What comes later
-    counts less, down to nothing at the track's horizon: until then there is time to decide again.
+    that a vessel may pass along an edge, or lie beside it, but not run into it; within it, it has
+    to leave as fast. What comes later counts less, down to nothing at the track's horizon: until
+    then there is time to decide again. Harm is the greatest excess, and its integral times 1 /s.
 
     Parameters
     ----------
@@ -102,7 +114,7 @@ def worst_contact(
     if gap.min() >= margin_m:
         return NO_CONTACT
     closing = (gap[:-1] - gap[1:]) / dt
-    allowed = approach_per_s * np.maximum(gap[1:], 0.0)
+    allowed = approach_per_s * gap[1:]
     weight = 1.0 - dt * np.arange(1, steps + 1)[:, None, None] / (circles.horizon_s + dt)
     harm = np.where(gap[1:] < margin_m, (closing - allowed) * np.maximum(weight, 0.0), 0.0)
     harmful = (harm > 0.0).any(axis=(1, 2))
@@ -113,7 +125,7 @@ def worst_contact(
     x, y, heading = path[first + 1]
     there = circles.p_B[k] + (first + 1) * dt * circles.v_B[k] - (x, y)
     return Contact(
-        harm=float(harm.max()),
+        harm=float(harm.max() + 1.0 * dt * np.maximum(harm, 0.0).max(axis=(1, 2)).sum()),
         time_s=(first + 1) * dt,
         speed_mps=float(closing[first, :, k].max()),
         track=circles.id[k],
