@@ -13,6 +13,7 @@ from twinscrew.runtime.safety.assurance_vessel import STILL, Motion, Push, Thrus
 class _Moment(NamedTuple):
     stamp_ns: int
     motion: Motion
+    heading: float
 
 
 class DisturbanceObserver:
@@ -76,15 +77,14 @@ class DisturbanceObserver:
         push
             The disturbance [N], in the vessel's present levelled frame.
         """
-        c, s = math.cos(heading), math.sin(heading)
-        before, self._before = self._before, _Moment(stamp_ns, motion)
+        before, self._before = self._before, _Moment(stamp_ns, motion, heading)
         if before is not None and self._limit_n > 0.0:
             dt = (stamp_ns - before.stamp_ns) / NANOSECONDS_PER_SECOND
             if 0.0 < dt <= self.LONGEST_S:
-                x, y = self._left_over(before.motion, motion, thrust, dt)
-                self._learn(c * x - s * y, s * x + c * y, dt)
-        north, east = self._force_N
-        return c * north + s * east, c * east - s * north
+                midway = heading - math.remainder(heading - before.heading, math.tau) / 2.0
+                push = self._left_over(before.motion, motion, thrust, dt)
+                self._learn(_turned(push, -midway), dt)
+        return _turned(self._force_N, heading)
 
     def _left_over(self, before: Motion, now: Motion, thrust: Thrust, dt: float) -> Push:
         mean = Motion(*((a + b) / 2.0 for a, b in zip(before, now, strict=True)))
@@ -95,10 +95,17 @@ class DisturbanceObserver:
             m22 * ((now.sway - before.sway) / dt - model.sway),
         )
 
-    def _learn(self, north: float, east: float, dt: float) -> None:
+    def _learn(self, force_N: Push, dt: float) -> None:
         share = 1.0 - math.exp(-dt / self._time_constant_s)
-        north = self._force_N[0] + share * (north - self._force_N[0])
-        east = self._force_N[1] + share * (east - self._force_N[1])
+        north, east = (
+            held + share * (new - held) for held, new in zip(self._force_N, force_N, strict=True)
+        )
         size = math.hypot(north, east)
         shrink = min(1.0, self._limit_n / size) if size > 0.0 else 0.0
         self._force_N = (shrink * north, shrink * east)
+
+
+def _turned(force: Push, angle: float) -> Push:
+    """Give a force in axes that are turned by an angle [rad] from its own, clockwise."""
+    c, s = math.cos(angle), math.sin(angle)
+    return c * force[0] + s * force[1], c * force[1] - s * force[0]

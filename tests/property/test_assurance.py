@@ -113,9 +113,14 @@ def test_nor_can_a_policy_and_the_wind_together(p_N, rates, wind_N):
 
 
 def test_who_does_not_learn_of_the_wind_drifts_into_the_buoy():
-    beam_on = np.array([[0.0, 6.0]]), [(0.0, 0.0)] * 60, (0.0, 50.0)
-    assert np.min(Voyage(*beam_on, disturbance_limit_n=0.0).gaps) < 0.0
-    assert np.min(Voyage(*beam_on).gaps) > 0.0
+    turning = [(300.0, -200.0)] * 80
+    abeam = [np.array([[0.0, distance_m]]) for distance_m in (5.0, 6.0, 8.0)]
+
+    def nearest(**wanted: object) -> float:
+        return min(np.min(Voyage(p_N, turning, (0.0, 120.0), **wanted).gaps) for p_N in abeam)
+
+    assert nearest() > 0.1
+    assert nearest(disturbance_limit_n=0.0) < 0.0
 
 
 def test_without_it_the_same_recklessness_ends_on_the_buoy():

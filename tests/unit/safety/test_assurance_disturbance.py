@@ -48,10 +48,12 @@ def learnt(
     return np.array([c * push[0] - s * push[1], s * push[0] + c * push[1]]), heading
 
 
-@pytest.mark.parametrize("thrust", [(0.0, 0.0), (600.0, 600.0), (800.0, -200.0)])
-def test_a_steady_wind_is_learnt_whatever_the_vessel_does_and_stays_as_it_turns(thrust):
+@pytest.mark.parametrize(
+    ("thrust", "within_n"), [((0.0, 0.0), 0.5), ((600.0, 600.0), 0.5), ((800.0, -200.0), 4.0)]
+)
+def test_a_steady_wind_is_learnt_whatever_the_vessel_does_and_stays_as_it_turns(thrust, within_n):
     force_N, _ = learnt(observer(), (40.0, -30.0), thrust)
-    assert force_N == pytest.approx([40.0, -30.0], abs=1.5)
+    assert force_N == pytest.approx([40.0, -30.0], abs=within_n)
 
 
 def test_in_still_air_nothing_is_learnt_of_hard_manoeuvres():
