@@ -32,7 +32,7 @@ class DisturbanceObserver:
 
     def __init__(
         self,
-        acceleration: Callable[[Motion, Thrust], Motion],
+        acceleration: Callable[[Motion, Thrust], tuple[float, float, float]],
         inertia: tuple[float, float],
         *,
         time_constant_s: float,
@@ -87,20 +87,18 @@ class DisturbanceObserver:
         return _turned(self._force_N, heading)
 
     def _left_over(self, before: Motion, now: Motion, thrust: Thrust, dt: float) -> Push:
-        mean = Motion(*((a + b) / 2.0 for a, b in zip(before, now, strict=True)))
-        model = self._acceleration(mean, thrust)
-        m11, m22 = self._inertia
-        return (
-            m11 * ((now.surge - before.surge) / dt - model.surge),
-            m22 * ((now.sway - before.sway) / dt - model.sway),
-        )
+        (u0, v0, r0), (u1, v1, r1), (m11, m22) = before, now, self._inertia
+        mean = Motion((u0 + u1) / 2.0, (v0 + v1) / 2.0, (r0 + r1) / 2.0)
+        surge, sway, _ = self._acceleration(mean, thrust)
+        return m11 * ((u1 - u0) / dt - surge), m22 * ((v1 - v0) / dt - sway)
 
     def _learn(self, force_N: Push, dt: float) -> None:
         share = 1.0 - math.exp(-dt / self._time_constant_s)
-        north, east = (
-            held + share * (new - held) for held, new in zip(self._force_N, force_N, strict=True)
-        )
+        north = self._force_N[0] + share * (force_N[0] - self._force_N[0])
+        east = self._force_N[1] + share * (force_N[1] - self._force_N[1])
         size = math.hypot(north, east)
+        if not math.isfinite(size):
+            return  # what is learnt once stays: no bad message may spoil it
         shrink = min(1.0, self._limit_n / size) if size > 0.0 else 0.0
         self._force_N = (shrink * north, shrink * east)
 

@@ -56,9 +56,9 @@ class Foresight:
             approach=approach_per_s,
         )
 
-    def acceleration(self, motion: Motion, thrust: Thrust) -> Motion:
-        """Give how the motion changes where nothing but thrust and water acts [m/s2, rad/s2]."""
-        return Motion(*self._kernel.acceleration(motion, thrust))
+    def acceleration(self, motion: Motion, thrust: Thrust) -> tuple[float, float, float]:
+        """Give how surge, sway [m/s2] and yaw rate [rad/s2] change by thrust and water alone."""
+        return self._kernel.acceleration(motion, thrust)
 
     def path(self, motion: Motion, thrust: Thrust, law: Law, push: Push = STILL) -> Float64:
         """Sail a manoeuvre: Euler steps of the velocity, trapezoids of the position.

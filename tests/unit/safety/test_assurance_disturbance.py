@@ -96,3 +96,11 @@ def test_a_pause_does_not_forget_the_wind():
     observing.pause()
     north, _ = observing.step(10**12, Motion(0.0, 0.0, 0.0), 0.0, (0.0, 0.0))
     assert north == pytest.approx(50.0, abs=1.5)
+
+
+def test_a_motion_that_is_no_number_spoils_nothing_that_was_learnt():
+    observing = observer()
+    learnt(observing, (50.0, 0.0))
+    for k, surge in enumerate((0.0, float("nan"), float("inf"), 0.0), start=10_000):
+        north, _ = observing.step(k * SCAN_NS, Motion(surge, 0.0, 0.0), 0.0, (0.0, 0.0))
+        assert north == pytest.approx(50.0, abs=1.5)
