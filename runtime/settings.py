@@ -7,10 +7,12 @@ type or a value out of range is a `ConfigError` that names file, key, value and 
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import msgspec
 from msgspec import Meta
@@ -27,7 +29,10 @@ CONFIG_DIR = Path(__file__).resolve().parent.parent / "config"
 
 
 class Settings(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A group of settings: frozen, by keyword, refusing unknown keys."""
+    """A group of settings: frozen, by keyword, refusing unknown keys and what is not finite."""
+
+    finite: ClassVar[bool] = True
+    """False where nan is a value that a file may hold."""
 
 
 S = TypeVar("S", bound=Settings)
@@ -54,6 +59,8 @@ def load(path: Path, type_: type[S]) -> S:
 
 def convert(values: object, type_: type[S], *, file: Path | str | None = None) -> S:
     """Turn plain values into settings; `file` is named in the error."""
+    for where, value in _not_finite(values) if type_.finite else ():
+        raise ConfigError(f"expected a finite number, got {value}", file=file, key=where)
     try:
         return msgspec.convert(values, type_)
     except msgspec.ValidationError as error:
@@ -77,9 +84,22 @@ def shipped(folder: str, name: str | Path, suffix: str = ".toml") -> Path:
 
 def _toml(content: bytes, file: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(content.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        return tomllib.loads(content.decode("utf-8-sig"))  # some editors begin files with a mark
+    except (ValueError, RecursionError) as error:  # not UTF-8, numbers too long, nested too deep
         raise ConfigError(f"not TOML: {error}", file=file) from error
+
+
+def _not_finite(values: object) -> Iterator[tuple[str, float]]:
+    """Give the keys of numbers that are NaN or infinite: no range in a type refuses both."""
+    pending = [("", values)]  # a dotted key may nest deeper than functions can
+    while pending:
+        key, value = pending.pop()
+        if isinstance(value, float) and not math.isfinite(value):
+            yield key, value
+        elif isinstance(value, Mapping):
+            pending += [(f"{key}.{name}" if key else str(name), v) for name, v in value.items()]
+        elif isinstance(value, list | tuple):
+            pending += [(f"{key}[{place}]", v) for place, v in enumerate(value)]
 
 
 def _explain(message: str, values: object, type_: type[Settings]) -> tuple[str | None, str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import msgspec
 from msgspec import Meta
@@ -35,6 +35,7 @@ class SetSettings(Settings, frozen=True, kw_only=True):
 class SetsFile(Settings, frozen=True, kw_only=True):
     """A file of sets."""
 
+    finite: ClassVar[bool] = False
     set: Annotated[tuple[SetSettings, ...], Meta(min_length=1)]
     published_travel_time_s: dict[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
     """[s] By method, one a set, to compare with; nan where there is none."""

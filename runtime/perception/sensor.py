@@ -29,6 +29,10 @@ from twinscrew.runtime.settings import (
 )
 
 Elevation = Annotated[float, Meta(ge=-90.0, le=90.0)]
+Aboard = Annotated[float, Meta(ge=-100.0, le=100.0)]
+"""[m] Farther from the vessel's origin nothing is on it: these are millimetres."""
+Turn = Annotated[float, Meta(ge=-2 * math.pi, le=2 * math.pi)]
+"""[rad] Greater ones are degrees."""
 
 
 class Beams(Settings, frozen=True, kw_only=True):
@@ -88,17 +92,17 @@ class Columns(Settings, frozen=True, kw_only=True):
 class Mount(Settings, frozen=True, kw_only=True):
     """Where the sensor sits, from the vessel's origin (base_link): x forward, y left, z up."""
 
-    x_m: float
+    x_m: Aboard
     """[m] Forward."""
-    y_m: float
+    y_m: Aboard
     """[m] To port."""
-    z_m: float
+    z_m: Aboard
     """[m] Up."""
-    roll_rad: float = 0.0
+    roll_rad: Turn = 0.0
     """[rad] About x."""
-    pitch_rad: float = 0.0
+    pitch_rad: Turn = 0.0
     """[rad] About y: positive turns the bow-side rays down."""
-    yaw_rad: float = 0.0
+    yaw_rad: Turn = 0.0
     """[rad] About z: positive turns the forward ray to port."""
 
 

@@ -32,6 +32,11 @@ class HullSettings(Settings, frozen=True, kw_only=True):
     half_width_m: Positive = 1.35
     """[m] Half of the beam (WAM-V 16: floats end at 1.23)."""
 
+    def __post_init__(self) -> None:
+        """Refuse a hull that would mask nothing."""
+        if self.aft_m >= self.fore_m:
+            raise ValueError("aft_m must be less than fore_m")
+
 
 class WaterSettings(Settings, frozen=True, kw_only=True):
     """Which echoes come from the water."""

@@ -86,6 +86,8 @@ def test_listed_elevations_are_sorted() -> None:
         ({"range_min_m": 60.0}, "range_max_m"),
         ({"columns": {"count": 8, "first_rad": 0.0, "span_rad": 0.0, "endpoint": True}}, "zero"),
         ({"columns": {"count": 8, "first_rad": 0.0, "span_rad": 7.0, "endpoint": True}}, "span"),
+        ({"mount": {"x_m": 700.0, "y_m": 0.0, "z_m": 1.0}}, "mount.x_m"),  # millimetres
+        ({"mount": {"x_m": 0.7, "y_m": 0, "z_m": 1, "roll_rad": 180.0}}, "mount.roll_rad"),
         ({"typo": 1}, "unknown key"),
     ],
 )

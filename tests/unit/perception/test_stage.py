@@ -198,6 +198,7 @@ def test_a_sensor_without_a_mount_is_refused_at_once() -> None:
         ({"theta_rad": 0.0}, "theta_rad"),
         ({"piece_m": 9.0}, "piece_m"),
         ({"water": {"clearance": 1.0}}, "unknown key"),
+        ({"hull": {"aft_m": 2.9, "fore_m": -2.7}}, "aft_m must be less than fore_m"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(values: dict[str, object], words: str) -> None:

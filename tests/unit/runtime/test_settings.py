@@ -1,4 +1,6 @@
+import math
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
@@ -8,12 +10,14 @@ from twinscrew.runtime.settings import CONFIG_DIR, Count, Positive, Settings, co
 
 class Inner(Settings, frozen=True):
     gain: Positive = 1.0
+    offset: float = 0.0
 
 
 class Outer(Settings, frozen=True):
     inner: Inner = Inner()
     count: Count = 3
     names: tuple[str, ...] = ()
+    places: tuple[tuple[float, float], ...] = ()
 
 
 def test_defaults_need_no_file() -> None:
@@ -26,7 +30,7 @@ def test_defaults_need_no_file() -> None:
         ({"inner": {"gain": -1}}, ["boat.toml", "inner.gain", "-1", "> 0"]),
         ({"inner": {"gian": 1}}, ["boat.toml", "inner.gian", "unknown", "gain"]),
         ({"count": "three"}, ["boat.toml", "count", "three", "int"]),
-        ({"colour": 1}, ["boat.toml", "colour", "unknown", "inner, count, names"]),
+        ({"colour": 1}, ["boat.toml", "colour", "unknown", "inner, count, names, places"]),
         ({"names": ["a", 2]}, ["boat.toml", "names[1]", "str"]),
     ],
 )
@@ -51,6 +55,61 @@ def test_a_file_that_is_missing_or_no_toml_is_named(tmp_path: Path) -> None:
     binary.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ConfigError, match="not TOML"):
         load(binary, Outer)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"a = " + b"[" * 5000 + b"]" * 5000, b"count = " + b"9" * 5000],
+    ids=["nested too deep", "too many digits"],
+)
+def test_what_the_parser_itself_cannot_bear_is_refused_by_name(
+    tmp_path: Path, content: bytes
+) -> None:
+    file = tmp_path / "hostile.toml"
+    file.write_bytes(content)
+    with pytest.raises(ConfigError, match=r"hostile\.toml: not TOML"):
+        load(file, Outer)
+
+
+def test_a_key_that_is_nested_too_deep_is_an_unknown_key() -> None:
+    values: dict[str, object] = {}
+    for _ in range(5000):
+        values = {"a": values}
+    with pytest.raises(ConfigError, match="a: unknown key"):
+        convert(values, Outer)
+
+
+def test_a_file_may_begin_with_the_mark_that_some_editors_write(tmp_path: Path) -> None:
+    file = tmp_path / "marked.toml"
+    file.write_bytes(b"\xef\xbb\xbfcount = 5\r\n")
+    assert load(file, Outer).count == 5
+
+
+@pytest.mark.parametrize("typed", ["nan", "inf", "-inf", "1e400"])
+@pytest.mark.parametrize(
+    ("content", "key"),
+    [
+        ("[inner]\ngain = {}", "inner.gain"),
+        ("[inner]\noffset = {}", "inner.offset"),
+        ("places = [[0.0, 1.0], [2.0, {}]]", "places[1][1]"),
+    ],
+)
+def test_a_number_that_is_not_finite_is_no_setting(
+    tmp_path: Path, content: str, key: str, typed: str
+) -> None:
+    file = tmp_path / "boat.toml"
+    file.write_text(content.format(typed))
+    with pytest.raises(ConfigError) as refused:
+        load(file, Outer)
+    assert str(refused.value).startswith(f"{file}: {key}: expected a finite number, got ")
+
+
+def test_nan_is_a_value_where_the_settings_say_so() -> None:
+    class Measured(Settings, frozen=True):
+        finite: ClassVar[bool] = False
+        times: tuple[float, ...]
+
+    assert math.isnan(convert({"times": [1.0, math.nan]}, Measured).times[1])
 
 
 def test_shipped_files_are_found_by_name_and_others_by_path(tmp_path: Path) -> None:
