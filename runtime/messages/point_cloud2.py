@@ -21,6 +21,10 @@ DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "
 """sensor_msgs/PointField's numbers for INT8 .. FLOAT64."""
 TIME_FIELDS = ("t", "time", "offset_time", "timestamp")
 """Names under which drivers give a time: integers are nanoseconds, floats seconds."""
+TIME_UNITS_S = (1.0, 1e-9, 1e-6)
+"""[s] In which drivers give a time of day as float64."""
+LONGEST_S = 10.0
+"""[s] No scan lasts longer."""
 
 
 class Field(Protocol):
@@ -81,7 +85,7 @@ class _Cloud:
             steps,
             order,
         )
-        self.fields = {field.name: field for field in fields}
+        self.fields = {field.name: field for field in reversed(tuple(fields))}  # the first counts
 
     @property
     def count(self) -> int:
@@ -181,20 +185,33 @@ def _ring(cloud: _Cloud) -> NDArray[np.uint16] | None:
     name = cloud.first_of(("ring", "channel"))
     if name is None:
         return None
-    view = cloud.view(name, "iu")
+    view = cloud.view(name)
     if view.dtype.newbyteorder("=") not in (np.uint8, np.uint16):
-        view = np.clip(view, 0, np.iinfo(np.uint16).max)
+        view = np.clip(np.nan_to_num(view), 0, np.iinfo(np.uint16).max)
     return view.astype(np.uint16).reshape(-1)
 
 
 def _time_offset_s(cloud: _Cloud, stamp_ns: int) -> Float32 | None:
-    """Give times after the stamp; a float64 `timestamp` is a time of day to most drivers."""
+    """Give times after the stamp."""
     name = cloud.first_of(TIME_FIELDS)
     if name is None:
         return None
     view = cloud.view(name).reshape(-1)
     if view.dtype.kind != "f":
         return (view * 1e-9).astype(np.float32)
-    if name == "timestamp" and view.dtype.itemsize == 8:
-        view = view - stamp_ns * 1e-9
+    if view.dtype.itemsize == 8 and view.size:
+        view = _after(view, stamp_ns * 1e-9, is_absolute=name == "timestamp")
     return view.astype(np.float32)
+
+
+def _after(times: NDArray[Any], stamp_s: float, *, is_absolute: bool) -> NDArray[Any]:
+    """Give float64 times after the stamp: some drivers give a time of day, in one unit or another.
+
+    What the numbers are is told by what brings the last of them nearest to the stamp. A time that
+    `is_absolute` by its name may be one of the first seconds of a simulation.
+    """
+    latest = float(np.abs(times[np.isfinite(times)]).max(initial=0.0))
+    if latest < LONGEST_S and not is_absolute:
+        return times
+    unit = min(TIME_UNITS_S, key=lambda unit: abs(latest * unit - stamp_s))
+    return times if latest <= abs(latest * unit - stamp_s) else times * unit - stamp_s
