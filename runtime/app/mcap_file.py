@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
-import os
+import heapq
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, BinaryIO, Final, NamedTuple, cast
+from typing import IO, Final, NamedTuple, cast
 
 import zstandard
 from mcap.exceptions import EndOfFile, McapError
 from mcap.reader import SeekingReader
-from mcap.records import Channel, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import Channel, Chunk, McapRecord, Message, Metadata, Schema
+from mcap.summary import Summary
 
+from twinscrew.runtime.app.mcap_chunks import (
+    MAX_SIZE,
+    Bounded,
+    chunk_at,
+    plain,
+    reader,
+    records_of,
+)
 from twinscrew.runtime.errors import RecordingError
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 """An MCAP file begins with it, and ends with it if it was finished."""
-MAX_RECORD: Final = 1 << 30
-"""[B] No record of ours comes near it; a longer one is an error, not an allocation."""
 
 _DAMAGE: Final = (
     McapError,
@@ -93,7 +99,8 @@ class McapFile:
             The file is damaged.
         """
         with self._damage():
-            schemas, channels = self._summary() if self.whole else self._described()
+            summary = self._summary()
+            schemas, channels = summary.schemas, summary.channels
             return {
                 channel.topic: schemas[channel.schema_id].name
                 for channel in channels.values()
@@ -120,70 +127,73 @@ class McapFile:
             what = str(error) or type(error).__name__
             raise RecordingError(f"{self.path}: damaged: {what}") from error
 
-    def _summary(self) -> tuple[Mapping[int, Schema], Mapping[int, Channel]]:
-        with self.path.open("rb") as stream:
-            bounded = cast("IO[bytes]", _Bounded(stream))
-            summary = SeekingReader(bounded, record_size_limit=MAX_RECORD).get_summary()
-        if summary is None or not summary.channels:  # a writer may leave the summary out
-            return self._described()
-        return summary.schemas, summary.channels
+    def _summary(self) -> Summary:
+        """Give what the file's end tells, and what a writer may leave out of it."""
+        summary = self._told() if self.whole else None
+        if summary is None:
+            summary = Summary()
+        counted = summary.statistics
+        if (
+            counted is None
+            or counted.channel_count != len(summary.channels)
+            or counted.schema_count != len(summary.schemas)
+        ):
+            self._describe(summary)
+        return summary
 
-    def _described(self) -> tuple[Mapping[int, Schema], Mapping[int, Channel]]:
-        schemas: dict[int, Schema] = {}
-        channels: dict[int, Channel] = {}
+    def _told(self) -> Summary | None:
+        with self.path.open("rb") as stream:
+            bounded = cast("IO[bytes]", Bounded(stream))
+            return SeekingReader(bounded, record_size_limit=MAX_SIZE).get_summary()
+
+    def _describe(self, summary: Summary) -> None:
         for record in self._records():
             if isinstance(record, Schema):
-                schemas[record.id] = record
+                summary.schemas[record.id] = record
             elif isinstance(record, Channel):
-                channels[record.id] = record
-        return schemas, channels
+                summary.channels[record.id] = record
 
     def _in_time_order(self) -> Iterator[BagMessage]:
+        """Give messages by their times; at the same time, as they stand in the file."""
+        summary = self._summary()
+        if not summary.chunk_indexes:  # without an index all is read before the first is known
+            yield from sorted(self._in_file_order(), key=lambda message: message.time_ns)
+            return
+        waiting: list[tuple[int, int, int, Message]] = []
         with self.path.open("rb") as stream:
-            bounded = cast("IO[bytes]", _Bounded(stream))
-            reader = SeekingReader(bounded, validate_crcs=True, record_size_limit=MAX_RECORD)
-            for schema, channel, message in reader.iter_messages():
-                yield _message(schema, channel, message)
+            for index in sorted(summary.chunk_indexes, key=lambda one: one.message_start_time):
+                while waiting and waiting[0][0] < index.message_start_time:
+                    yield _message(summary, heapq.heappop(waiting)[-1])
+                place = index.chunk_start_offset
+                for number, record in enumerate(chunk_at(stream, place)):
+                    if isinstance(record, Message):
+                        heapq.heappush(waiting, (record.log_time, place, number, record))
+            while waiting:
+                yield _message(summary, heapq.heappop(waiting)[-1])
 
     def _in_file_order(self) -> Iterator[BagMessage]:
-        schemas: dict[int, Schema] = {}
-        channels: dict[int, Channel] = {}
+        summary = Summary()
         for record in self._records():
             if isinstance(record, Schema):
-                schemas[record.id] = record
+                summary.schemas[record.id] = record
             elif isinstance(record, Channel):
-                channels[record.id] = record
+                summary.channels[record.id] = record
             elif isinstance(record, Message):
-                channel = channels[record.channel_id]
-                yield _message(schemas.get(channel.schema_id), channel, record)
+                yield _message(summary, record)
 
     def _records(self) -> Iterator[McapRecord]:
         """Give records as they stand in the file, up to its end or where it was cut off."""
         with self.path.open("rb") as stream:
-            bounded = cast("IO[bytes]", _Bounded(stream))
-            reader = StreamReader(bounded, validate_crcs=True, record_size_limit=MAX_RECORD)
             try:
-                yield from reader.records
+                for record in reader(stream, whole=True).records:
+                    yield from records_of(record) if isinstance(record, Chunk) else (record,)
             except EndOfFile:
                 if self.whole:
                     raise
 
 
-class _Bounded:
-    """A stream that ends where its file ends: mcap's reader believes every length it reads."""
-
-    def __init__(self, stream: BinaryIO) -> None:
-        self._stream = stream
-        self._size = os.fstat(stream.fileno()).st_size
-        self.seek = stream.seek
-        self.tell = stream.tell
-
-    def read(self, size: int = -1) -> bytes:
-        if size > self._size - self._stream.tell():
-            raise EndOfFile
-        return self._stream.read(size)
-
-
-def _message(schema: Schema | None, channel: Channel, message: Message) -> BagMessage:
+def _message(summary: Summary, message: Message) -> BagMessage:
+    channel = summary.channels[message.channel_id]
+    schema = summary.schemas.get(channel.schema_id)
     ros_type = "" if schema is None else schema.name
-    return BagMessage(channel.topic, ros_type, message.data, message.log_time)
+    return BagMessage(channel.topic, ros_type, plain(message.data), message.log_time)

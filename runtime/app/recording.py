@@ -11,14 +11,21 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
+
+import msgspec
 
 from twinscrew.runtime.app.bag import METADATA_RECORD
 from twinscrew.runtime.app.mcap_file import BagMessage, McapFile
-from twinscrew.runtime.app.sqlite_bag import SqliteBag
+from twinscrew.runtime.app.rosbag import Rosbag
 from twinscrew.runtime.errors import RecordingError, one_of
 from twinscrew.runtime.messages.topics import CORE_INPUTS, TOPICS
 from twinscrew.runtime.settings import Settings, load
+
+PATTERNS: Final = ("*.mcap", "*.db3", "*.mcap.zstd", "*.db3.zstd")
+"""Names of the files of a bag."""
+ROSBAG_SUFFIXES: Final = (".db3", ".zstd")
+"""Of files that are read by way of their folder's metadata."""
 
 
 class TopicMapping(Settings, frozen=True):
@@ -157,9 +164,9 @@ def find_recordings(path: Path, mapping: Path | None = None) -> list[Recording]:
         return [_recording(path, [path], names)]
     if not path.is_dir():
         raise RecordingError(f"{path}: no such file or folder")
-    files = [file for pattern in ("*.mcap", "*.db3") for file in path.rglob(pattern)]
+    files = [file for pattern in PATTERNS for file in path.rglob(pattern) if file.is_file()]
     if not files:
-        raise RecordingError(f"{path}: holds no recording (*.mcap, or *.db3 of a rosbag2)")
+        raise RecordingError(f"{path}: holds no recording ({', '.join(PATTERNS)})")
     folders = sorted({file.parent for file in files})
     return [
         _recording(folder, [file for file in files if file.parent == folder], names)
@@ -202,8 +209,8 @@ def decisions_sha256(encoded: Iterable[bytes]) -> str:
 
 def _recording(path: Path, files: list[Path], names: Mapping[str, str]) -> Recording:
     sources: tuple[Source, ...]
-    if any(file.suffix == ".db3" for file in files):
-        sources = (SqliteBag(path),)
+    if any(file.suffix in ROSBAG_SUFFIXES for file in files):
+        sources = (Rosbag(path),)
     else:
         sources = tuple(McapFile(file) for file in sorted(files, key=_number))
     metadata = _metadata(path, sources[0])
@@ -213,11 +220,22 @@ def _recording(path: Path, files: list[Path], names: Mapping[str, str]) -> Recor
     return Recording(path, vessel, metadata, names, sources)
 
 
+class _Said(msgspec.Struct, frozen=True):
+    """What the metadata of one of our recordings say, as far as it is used."""
+
+    vessel: str = ""
+    topics: dict[str, str] = {}
+    config: dict[str, Any] = {}
+    policy_sha256: str = ""
+
+
 def _metadata(path: Path, source: Source) -> dict[str, Any]:
     try:
-        return {k: json.loads(v) for k, v in (source.metadata(METADATA_RECORD) or {}).items()}
-    except json.JSONDecodeError as error:
+        values = {k: json.loads(v) for k, v in (source.metadata(METADATA_RECORD) or {}).items()}
+        msgspec.convert(values, _Said)
+    except (ValueError, RecursionError) as error:
         raise RecordingError(f"{path}: its metadata are damaged: {error}") from error
+    return values
 
 
 def _number(file: Path) -> tuple[int, str]:

@@ -173,16 +173,10 @@ def test_a_payload_with_a_byte_changed_is_noticed(tmp_path):
         list(read_inputs(file))
 
 
-def test_a_sqlite_bag_that_is_broken_is_refused(tmp_path):
-    bag = foreign(tmp_path / "vrx", VRX, StoragePlugin.SQLITE3)
-    (bag / "vrx.db3").write_bytes(b"not a database" * 100)
-    with pytest.raises(RecordingError, match="vrx"):
-        list(read_inputs(bag))
-
-
-def test_metadata_that_are_not_json_are_refused(tmp_path):
+@pytest.mark.parametrize("said", [b"{wamv1}", b"[1,[2]]", b"1234567"])
+def test_metadata_that_are_not_what_they_should_be_are_refused(tmp_path, said):
     file = record(tmp_path / "bag", count=0)
-    file.write_bytes(file.read_bytes().replace(b'"wamv1"', b"{wamv1}"))
+    file.write_bytes(file.read_bytes().replace(b'"wamv1"', said))
     with pytest.raises(RecordingError, match="metadata are damaged"):
         find_recordings(file)
 

@@ -1,11 +1,11 @@
-"""Reads a rosbag2 in SQLite, as ROS 2 Humble records by default."""
+"""Reads a rosbag2 in SQLite, as ROS 2 Humble records by default, or whose files are compressed."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from twinscrew.runtime.app.mcap_file import BagMessage
 from twinscrew.runtime.errors import RecordingError
@@ -13,9 +13,11 @@ from twinscrew.runtime.errors import RecordingError
 if TYPE_CHECKING:
     from rosbags.rosbag2 import Reader
 
+METADATA: Final = "metadata.yaml"
 
-class SqliteBag:
-    """A folder with `metadata.yaml` and `*.db3` files."""
+
+class Rosbag:
+    """A folder with `metadata.yaml` and `*.db3`, `*.db3.zstd` or `*.mcap.zstd` files."""
 
     whole = True
 
@@ -35,14 +37,19 @@ class SqliteBag:
         """Give the messages in the order of their times; a `RecordingError` if it is damaged."""
         with self._open() as reader:
             for connection, time_ns, payload in reader.messages():
-                yield BagMessage(connection.topic, connection.msgtype, payload, time_ns)
+                payload = bytes(memoryview(payload))  # a damaged one may be anything
+                yield BagMessage(connection.topic, connection.msgtype, payload, int(time_ns))
 
     @contextmanager
     def _open(self) -> Iterator[Reader]:
-        from rosbags.rosbag2 import Reader, ReaderError
+        from rosbags.rosbag2 import Reader
 
+        if not (self._path / METADATA).is_file():
+            mended = f"`ros2 bag reindex {self._path}` makes one"
+            raise RecordingError(f"{self._path}: has no {METADATA}: {mended}")
         try:
             with Reader(self._path) as reader:
                 yield reader
-        except (ReaderError, OSError) as error:
-            raise RecordingError(f"{self._path}: {error}") from error
+        except Exception as error:  # rosbags, YAML, SQLite and Zstandard have no common one
+            what = (str(error) or type(error).__name__).splitlines()[0]
+            raise RecordingError(f"{self._path}: damaged: {what}") from error
