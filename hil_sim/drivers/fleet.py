@@ -10,11 +10,10 @@ import numpy as np
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.udp import AutopilotOnTheNet
+from twinscrew.hil_sim.drivers.ports import LOOPBACK
 from twinscrew.runtime.link.sockets import UdpTransport
 from twinscrew.runtime.link.transport import open_transport
 from twinscrew.runtime.messages.types import Float64, Odometry
-
-LOOPBACK = "127.0.0.1"
 
 
 class Fleet(Protocol):

@@ -17,9 +17,9 @@ from typing import Self
 import msgspec
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilotSettings
-from twinscrew.hil_sim.drivers.fleet import LOOPBACK
 from twinscrew.hil_sim.drivers.lockstep import SteppedCrew
-from twinscrew.hil_sim.drivers.realtime import START_LIMIT_S, STOP_LIMIT_S, free_port
+from twinscrew.hil_sim.drivers.ports import LOOPBACK, free_port
+from twinscrew.hil_sim.drivers.runtime_process import START_LIMIT_S, STOP_LIMIT_S
 from twinscrew.hil_sim.last_words import ended
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.session import RunSummary, inputs_of

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import signal
-import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 import msgspec
-import tomli_w
 
-from twinscrew.hil_sim.drivers.fleet import LOOPBACK, Fleet, simulated_fleet
-from twinscrew.hil_sim.drivers.punctual import ordinary
-from twinscrew.hil_sim.last_words import ended
+from twinscrew.hil_sim.drivers.fleet import Fleet, simulated_fleet
+from twinscrew.hil_sim.drivers.ports import LOOPBACK, free_port
+from twinscrew.hil_sim.drivers.runtime_process import START_LIMIT_S, RuntimeProcess
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.session import inputs_of
 from twinscrew.runtime.bus.base import Received, Receiver
@@ -29,15 +25,8 @@ from twinscrew.runtime.link import events
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Odometry
 
-START_LIMIT_S = 20.0
-"""[s] How long the runtimes may take to listen."""
-STOP_LIMIT_S = 5.0
-"""[s] How long they may take to stop."""
 SETTLE_S = 0.5
 """[s] A vessel is ready this long after its runtime could drive first."""
-CONFIG_FILE = "runtime.toml"
-LOG_FILE = "log.txt"
-"""In each vessel's folder: what its runtime is told, and what it says."""
 
 
 class RealtimeCrew:
@@ -74,9 +63,8 @@ class RealtimeCrew:
         self._fleet = fleet or simulated_fleet([c.autopilot.system_id for c in configs])
         self._tell = tell
         self._reroute = reroute or (lambda _vessel, port: port)
-        self._down: set[int] = set()
         self._buses: list[ZenohBus] = []
-        self._processes: list[subprocess.Popen[bytes]] = []
+        self._runtimes: list[RuntimeProcess] = []
         self._engaged = [False] * len(configs)
         self._ready_since: dict[int, float] = {}
         self._now_s = 0.0
@@ -94,8 +82,9 @@ class RealtimeCrew:
             )
             self._buses = [bus.within(name) for name in names]
             for vessel in range(len(self._configs)):
-                self._prepare(vessel, self._reroute(vessel, port))
-                self._processes.append(self._started(vessel))
+                self._listen_to(vessel)
+                config = self._complete(vessel, self._reroute(vessel, port))
+                self._runtimes.append(RuntimeProcess(config, self._folders[vessel]))
             self._wait_for_runtimes()
         except BaseException:
             self.close()
@@ -146,26 +135,20 @@ class RealtimeCrew:
     def check(self) -> None:
         """See `Crew`."""
         self._fleet.check()
-        for vessel, process in enumerate(self._processes):
-            if vessel not in self._down and process.poll() is not None:
-                log = self._folders[vessel] / LOG_FILE
-                name = self._configs[vessel].name
-                raise ended(f"the runtime of {name}", process, log.read_bytes())
+        for runtime in self._runtimes:
+            runtime.check()
 
     def kill(self, vessel: int) -> None:
         """Kill a vessel's runtime as hard as can be; that is no error until it is started again."""
-        self._down.add(vessel)
-        self._processes[vessel].kill()
-        self._processes[vessel].wait()
+        self._runtimes[vessel].kill()
 
     def start_again(self, vessel: int) -> None:
         """Start a runtime that was killed."""
-        self._processes[vessel] = self._started(vessel)
-        self._down.discard(vessel)
+        self._runtimes[vessel].start_again()
 
     def signal(self, vessel: int, number: signal.Signals) -> None:
         """Send a vessel's runtime a signal."""
-        self._processes[vessel].send_signal(number)
+        self._runtimes[vessel].signal(number)
 
     def listen(self, vessel: int, topic: str, receive: Receiver) -> None:
         """Have everything called that a vessel's runtime says on a topic, in Zenoh's thread."""
@@ -174,54 +157,38 @@ class RealtimeCrew:
     @property
     def down(self) -> frozenset[int]:
         """Vessels whose runtimes were killed and not started again."""
-        return frozenset(self._down)
+        return frozenset(i for i, runtime in enumerate(self._runtimes) if runtime.down)
 
     @property
     def pids(self) -> tuple[int, ...]:
         """The runtimes' process ids."""
-        return tuple(process.pid for process in self._processes)
+        return tuple(runtime.pid for runtime in self._runtimes)
 
     def close(self) -> None:
         """Stop every process, and wait for it."""
-        for process in self._processes:
-            process.send_signal(signal.SIGCONT)  # one that was stopped cannot end otherwise
-            process.terminate()
-        for process in self._processes:
-            try:
-                process.wait(STOP_LIMIT_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+        for runtime in self._runtimes:
+            runtime.ask_to_stop()
+        for runtime in self._runtimes:
+            runtime.see_off()
         self._fleet.close()
         for bus in self._buses[:1]:  # they share one session
             bus.close()
 
-    def _prepare(self, vessel: int, port: int) -> None:
-        """Listen to a vessel's runtime, and write its configuration."""
-        config, folder = self._configs[vessel], self._folders[vessel]
+    def _listen_to(self, vessel: int) -> None:
         self._buses[vessel].subscribe("engagement", lambda message: self._note(vessel, message))
         if self._tell is not None:
             self._buses[vessel].subscribe("diagnostics", lambda told: self._pass_on(vessel, told))
+
+    def _complete(self, vessel: int, port: int) -> RuntimeConfig:
+        """Give a runtime's configuration with its connections to autopilot and simulator."""
+        config = self._configs[vessel]
         autopilot = msgspec.structs.replace(
             config.autopilot,
             connection=self._fleet.connection(vessel),
             wait_s=self._fleet.patience_s,
         )
-        complete = msgspec.structs.replace(
-            config,
-            autopilot=autopilot,
-            bus=msgspec.structs.replace(config.bus, connect=(f"tcp/{LOOPBACK}:{port}",)),
-        )
-        folder.mkdir(parents=True, exist_ok=True)
-        text = tomli_w.dumps(_without_none(msgspec.to_builtins(complete)))
-        (folder / CONFIG_FILE).write_text(text)
-
-    def _started(self, vessel: int) -> subprocess.Popen[bytes]:
-        folder = self._folders[vessel]
-        file = str(folder / CONFIG_FILE)
-        command = [sys.executable, "-m", "twinscrew.runtime.app", "run", "--config", file]
-        with (folder / LOG_FILE).open("ab") as log, ordinary():
-            return subprocess.Popen(command, stdout=log, stderr=log)
+        bus = msgspec.structs.replace(config.bus, connect=(f"tcp/{LOOPBACK}:{port}",))
+        return msgspec.structs.replace(config, autopilot=autopilot, bus=bus)
 
     def _wait_for_runtimes(self) -> None:
         for config, bus in zip(self._configs, self._buses, strict=True):
@@ -245,19 +212,3 @@ class RealtimeCrew:
         """Take word, in Zenoh's thread, that a runtime drives or does not."""
         with contextlib.suppress(MessageError):
             self._engaged[vessel] = cdr.decode_engagement(message.payload).engaged
-
-
-def _without_none(values: dict[str, Any]) -> dict[str, Any]:
-    """Leave out what is not set: TOML has no word for it."""
-    return {
-        key: _without_none(value) if isinstance(value, dict) else value
-        for key, value in values.items()
-        if value is not None
-    }
-
-
-def free_port() -> int:
-    """Give a TCP port that nobody uses now."""
-    with socket.socket() as probe:
-        probe.bind((LOOPBACK, 0))
-        return int(probe.getsockname()[1])

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from twinscrew.hil_sim.drivers.realtime import LOG_FILE
+from twinscrew.hil_sim.drivers.runtime_process import LOG_FILE
 from twinscrew.hil_sim.faults.crew import FaultyCrew
 from twinscrew.hil_sim.faults.timeline import Span
 from twinscrew.hil_sim.faults.verdict import Verdict, judge

@@ -1,6 +1,5 @@
 """`twinscrew doctor --listen` on a boat that is under way: real sockets, simulated sensors."""
 
-import socket
 import threading
 import time
 
@@ -8,6 +7,7 @@ import numpy as np
 import pytest
 from tests.harness.commands import as_json, twinscrew
 
+from twinscrew.hil_sim.drivers.ports import free_port
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sensors.navigation import Navigation
 from twinscrew.hil_sim.supervisor import Supervisor
@@ -17,12 +17,6 @@ from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.messages import cdr
 
 LISTEN_S = 3
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 class Sensors:

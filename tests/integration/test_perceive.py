@@ -103,6 +103,7 @@ def test_an_empty_file_is_an_empty_scan(tmp_path: Path) -> None:
         ("a.bin", b"", ("--sensor", "sonar"), "hdl32e"),
         ("a.npy", b"PK", ("--sensor", "vlp16"), "not an npy"),
         ("a.bin", b"", ("--sensor", "vlp16", "--max-range-m", "-3"), "max_range_m"),
+        ("a.bin", b"", ("--sensor", "vlp16", "--height-m", "-2"), "--height-m"),
     ],
 )
 def test_what_cannot_be_perceived_is_refused_in_one_line(
