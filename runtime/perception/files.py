@@ -17,7 +17,12 @@ from twinscrew.runtime.perception.lzf import decompress
 RINGS = 256
 """[-] No LiDAR has more beams: tells nuScenes's ring column from anything else."""
 RING_FIELDS = ("ring", "channel")
-PCD_TYPES = {"F": "f", "I": "i", "U": "u"}
+PCD_NUMBERS = {
+    (kind, size): f"<{kind.lower()}{size}"
+    for kind, sizes in {"F": "248", "I": "1248", "U": "1248"}.items()
+    for size in sizes
+}
+"""By TYPE and SIZE: what numbers a PCD holds."""
 
 
 class FilePoints(NamedTuple):
@@ -98,8 +103,10 @@ def read_pcd(data: bytes) -> FilePoints:
         dtype = _pcd_dtype(header)
         count = int(header["POINTS"][0]) if "POINTS" in header else _size(header)
         kind = header["DATA"][0].lower()
-    except (KeyError, IndexError, ValueError, TypeError) as error:
-        raise MessageError(f"PCD header: {error!r}") from error
+    except KeyError as error:
+        raise MessageError(f"PCD header: no {error.args[0]} line") from error
+    except (IndexError, ValueError, TypeError) as error:
+        raise MessageError(f"PCD header: {error}") from error
     if kind not in PCD_BODIES:
         raise MessageError(f"PCD: DATA {one_of(kind, PCD_BODIES)}")
     if count < 0:
@@ -163,12 +170,16 @@ def _pcd_dtype(header: dict[str, list[str]]) -> np.dtype[Any]:
     counts = [int(c) for c in header.get("COUNT", ["1"] * len(names))]
     if min(counts, default=0) < 1:
         raise ValueError("COUNT must be at least 1")
-    fields = []
+    fields, known = [], {"_"}  # padding repeats
     for i, (name, size, kind, count) in enumerate(
         zip(names, header["SIZE"], header["TYPE"], counts, strict=True)
     ):
-        unique = name if name not in names[:i] and name != "_" else f"_{i}"  # padding repeats
-        fields.append((unique, f"<{PCD_TYPES[kind.upper()]}{int(size)}", (count,)))
+        number = (kind.upper(), size)
+        if number not in PCD_NUMBERS:
+            said = one_of(" ".join(number), map(" ".join, PCD_NUMBERS))
+            raise MessageError(f"PCD: TYPE and SIZE of field {name!r}: {said}")
+        fields.append((f"_ {i}" if name in known else name, PCD_NUMBERS[number], (count,)))
+        known.add(name)
     return np.dtype(fields)
 
 

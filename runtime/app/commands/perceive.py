@@ -30,13 +30,15 @@ def perceive(
     height_m: Annotated[
         float | None,
         typer.Option(
-            help="The sensor's height, about, over the water or the ground, which is dropped."
+            help="The sensor's height, about, over the water or the ground, which is dropped.",
+            min=0,
+            max=100,
         ),
     ] = None,
     ground_m: Annotated[
         float,
         typer.Option(
-            help="With --height-m: lower echoes are dropped; on land 0.3 is better.", min=0
+            help="With --height-m: lower echoes are dropped; on land 0.3 is better.", min=0, max=100
         ),
     ] = 0.1,
     max_range_m: Annotated[float, typer.Option(help="Farther echoes are not used.")] = 20.0,

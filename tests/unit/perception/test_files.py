@@ -116,7 +116,7 @@ def test_rings_that_cannot_be_are_none(tmp_path: Path) -> None:
         ("a.npy", b"hello", "not an npy"),
         ("a.pcd", b"hello", "no DATA"),
         ("a.pcd", b"DATA binary\n", "header: no FIELDS line"),
-        ("a.pcd", pcd("binary", b"", FIELDS.replace("F", "X", 2)), "no TYPE line"),
+        ("a.pcd", pcd("binary", b"", FIELDS.replace("TYPE", "TIPE")), "no TYPE line"),
         (
             "a.pcd",
             pcd("binary", b"", "FIELDS x\nSIZE 3\nTYPE F\nWIDTH 0\nHEIGHT 1\n"),
