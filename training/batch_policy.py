@@ -14,7 +14,7 @@ from twinscrew.runtime.errors import ConfigError, PolicyError
 from twinscrew.runtime.messages.types import Float64, Observation
 from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.policy.load import load_policy
-from twinscrew.runtime.policy.metadata import OUTPUT_NAME
+from twinscrew.runtime.policy.metadata import OUTPUT_NAME, OUTPUT_SHAPE
 from twinscrew.runtime.policy.onnx import AS_SHIPPED, OnnxPolicy, risk_feed
 from twinscrew.runtime.policy.risk import RiskSettings, adaptive_level
 from twinscrew.runtime.settings import shipped
@@ -84,7 +84,13 @@ class OnnxBatch:
         feed |= risk_feed(self._session, len(feed["ego"]), self._risk)
         if self._risk.level == "adaptive":
             feed["risk"] = adaptive_level(feed["objects"], feed["mask"], self._risk)
-        answer = self._session.run([OUTPUT_NAME], feed)[0]
+        rows = len(feed["ego"])
+        try:
+            answer = self._session.run([OUTPUT_NAME], feed)[0]
+        except Exception as error:  # ONNX Runtime has no base class of its own
+            raise PolicyError(f"{self.name} failed with {rows} rows at once: {error}") from error
+        if answer.shape != (rows, *OUTPUT_SHAPE):
+            raise PolicyError(f"{self.name} answered {rows} rows with shape {answer.shape}")
         if not np.isfinite(answer).all():
             raise PolicyError(f"{self.name} answered with numbers that are not finite")
         limit = self.metadata.thrust_rate_max_n_per_s

@@ -47,8 +47,10 @@ def check_card(config: RuntimeConfig) -> Finding:
     try:
         card = json.loads(path.read_bytes())
         told = {key: card["metadata"][key] for key in SAME}
-        rates = [setting["success_rate"] for setting in card["scores"]["settings"]]
-    except (ValueError, KeyError, TypeError) as error:
+        rates = [float(setting["success_rate"]) for setting in card["scores"]["settings"]]
+        if not rates or not all(0.0 <= rate <= 1.0 for rate in rates):
+            raise ValueError(f"success rates {rates}")
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         return fail("policy card", f"{path.name} is no card: {error!r}", "export the policy again")
     return _judged(policy, told, rates)
 

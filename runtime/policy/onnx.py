@@ -64,7 +64,7 @@ class OnnxPolicy:
             self._risk = risk
             self._feed = _feed(self._session, risk)
             self._answer(where="at rest, nothing in sight")
-        except PolicyError as error:
+        except (PolicyError, UnicodeDecodeError) as error:  # names and metadata may be no text
             raise PolicyError(f"{self.path}: {error}") from error
         self.sha256 = hashlib.sha256(data).hexdigest()
         """The file's SHA-256, for logs and replays."""
@@ -131,7 +131,12 @@ def _session(data: bytes) -> Any:
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 4  # fatal only: what goes wrong is raised
     try:
-        return ort.InferenceSession(data, options, providers=["CPUExecutionProvider"])
+        return ort.InferenceSession(
+            data,
+            options,
+            providers=["CPUExecutionProvider"],
+            enable_fallback=0,  # else it tries again the same way, and prints that it does
+        )
     except Exception as error:  # ONNX Runtime has no base class of its own
         raise PolicyError(f"not a model that ONNX Runtime can run: {error}") from error
 

@@ -1,8 +1,9 @@
 """What an ONNX file contains, read from its bytes before anything of it is run.
 
 ONNX Runtime would fetch weights from other files and accept operators beyond the standard's; a
-policy must be one file of standard operators. An ONNX file is a Protocol Buffers message, so a
-short walk over its fields finds both, without the onnx package on the boat.
+policy must be one file of standard operators, that ends, and answers the same again. An ONNX file
+is a Protocol Buffers message, so a short walk over its fields finds what is not, without the onnx
+package on the boat.
 
 Source: onnx.proto3 (field numbers), Protocol Buffers encoding (wire types).
 """
@@ -27,6 +28,21 @@ _NODE_OPERATOR, _NODE_DOMAIN = 4, 7
 _TENSOR_EXTERNAL_DATA, _TENSOR_DATA_LOCATION = 13, 14
 _EXTERNAL = 1
 _STANDARD_DOMAINS = ("", "ai.onnx")
+_REFUSED = {
+    **dict.fromkeys(("Loop", "Scan"), "it may never end"),
+    **dict.fromkeys(
+        (
+            "Bernoulli",
+            "Multinomial",
+            "RandomNormal",
+            "RandomNormalLike",
+            "RandomUniform",
+            "RandomUniformLike",
+        ),
+        "a replay would not give the same decisions",
+    ),
+}
+"""Standard operators that a policy cannot have, and why."""
 _DEEPEST = 32
 """[-] Messages within messages; a policy needs four."""
 
@@ -39,7 +55,7 @@ def refuse_foreign_parts(data: bytes) -> None:
     Raises
     ------
     PolicyError
-        Not an ONNX file, weights outside the file, or operators outside the standard.
+        Not an ONNX file, weights outside the file, operators outside the standard, loops or chance.
     """
     fields = 0
     for message, number, value in _walk("model", memoryview(data), 0):
@@ -72,6 +88,9 @@ def _walk(message: str, data: memoryview, depth: int) -> Iterator[tuple[str, int
         raise PolicyError(
             f"operator {operator!r} of domain {domain!r}; allowed: the standard domain 'ai.onnx'"
         )
+
+    if operator in _REFUSED:
+        raise PolicyError(f"operator {operator!r}: {_REFUSED[operator]}; allowed: none such")
 
 
 def _text(value: memoryview) -> str:

@@ -58,10 +58,18 @@ def test_the_card_of_another_policy_fails(mine: Path) -> None:
     assert "sac/seed_7" in told
 
 
-@pytest.mark.parametrize("words", ["", "[]", "{}", "no JSON"])
+@pytest.mark.parametrize("words", ["", "[]", "{}", "no JSON", "[" * 100_000])
 def test_what_is_no_card_fails(mine: Path, words: str) -> None:
     mine.with_suffix(".json").write_text(words)
     assert judged(mine)[0] is Verdict.FAIL
+
+
+@pytest.mark.parametrize("rates", [[], ["all"], [None], [float("nan")], [1.5]])
+def test_a_card_whose_success_is_no_share_fails(mine: Path, rates: list[object]) -> None:
+    edit(mine, scores={"settings": [{"success_rate": rate} for rate in rates]})
+    verdict, told = judged(mine)
+    assert verdict is Verdict.FAIL
+    assert "mine.json is no card" in told
 
 
 def test_a_policy_that_often_fails_is_a_warning(mine: Path) -> None:

@@ -197,6 +197,22 @@ def test_metadata_that_is_out_of_range_is_refused(tmp_path, key, value):
     refused(tmp_path, ["metadata", key], metadata=with_metadata(**{key: value}))
 
 
+def test_metadata_that_are_no_text_are_refused_and_nothing_is_printed(tmp_path, capfd):
+    path = graphs.save(tmp_path, metadata=with_metadata(algorithm="no text"))
+    path.write_bytes(path.read_bytes().replace(b"no text", b"no \xfftxt"))
+    with pytest.raises(PolicyError, match=f"{path}: "):
+        OnnxPolicy(path)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_graph_whose_names_are_no_text_is_refused_and_nothing_is_printed(tmp_path, capfd):
+    path = graphs.save(tmp_path)
+    path.write_bytes(path.read_bytes().replace(b"thrust_rate", b"thr\xffst_rate"))
+    with pytest.raises(PolicyError, match=f"{path}: "):
+        OnnxPolicy(path)
+    assert capfd.readouterr() == ("", "")
+
+
 def test_metadata_that_is_not_known_is_ignored(tmp_path):
     path = graphs.save(tmp_path, metadata=with_metadata(author="somebody"))
     assert OnnxPolicy(path).name == "hand_made"

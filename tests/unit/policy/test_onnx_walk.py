@@ -96,6 +96,25 @@ def test_operators_outside_the_standard_are_refused_wherever_they_hide(place: st
         refuse_foreign_parts(FOREIGN[place](True).SerializeToString())
 
 
+@pytest.mark.parametrize(
+    ("operator", "why"), [("Loop", "never end"), ("Scan", "never end"), ("RandomNormal", "replay")]
+)
+@pytest.mark.parametrize("place", ["the graph", "a graph in a graph", "a function"])
+def test_loops_and_chance_are_refused_wherever_they_hide(
+    operator: str, why: str, place: str
+) -> None:
+    bad = helper.make_node(operator, ["x"], ["y"])
+    made = {
+        "the graph": lambda: helper.make_model(graph([bad])),
+        "a graph in a graph": lambda: helper.make_model(graph([within_if(graph([bad]))])),
+        "a function": lambda: helper.make_model(
+            graph([node(foreign=False)]), functions=[function([bad])]
+        ),
+    }[place]()
+    with pytest.raises(PolicyError, match=f"operator '{operator}': .*{why}"):
+        refuse_foreign_parts(made.SerializeToString())
+
+
 def test_where_weights_lie_is_refused_even_if_the_file_says_that_they_are_here() -> None:
     liar = tensor(external=True)
     liar.data_location = TensorProto.DEFAULT
