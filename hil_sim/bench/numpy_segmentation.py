@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 
 from twinscrew.runtime.messages.types import Float32
 from twinscrew.runtime.perception.sensor import Sensor
-from twinscrew.runtime.perception.stage import PerceptionSettings
+from twinscrew.runtime.perception.settings import PerceptionSettings
 
 
 def project(points_S: Float32, sensor: Sensor, settings: PerceptionSettings) -> Float32:

@@ -21,7 +21,7 @@ from twinscrew.runtime.estimation.settings import EstimationSettings
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
-from twinscrew.runtime.perception.stage import PerceptionSettings
+from twinscrew.runtime.perception.settings import PerceptionSettings
 from twinscrew.runtime.policy.observation import ObservationSettings
 from twinscrew.runtime.policy.risk import RiskSettings
 from twinscrew.runtime.safety.assurance import AssuranceSettings

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from twinscrew.runtime.messages.types import Float32, Float64, Objects, PointCloud
 from twinscrew.runtime.perception.fit import fitted
 from twinscrew.runtime.perception.sensor import Mount, Sensor
-from twinscrew.runtime.perception.stage import Perception, PerceptionSettings
+from twinscrew.runtime.perception.settings import PerceptionSettings
+from twinscrew.runtime.perception.stage import Perception
 
 HERE = Mount(x_m=0.0, y_m=0.0, z_m=0.0)
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])

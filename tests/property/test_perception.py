@@ -10,7 +10,8 @@ from tests.reference import segmentation as reference
 from twinscrew.hil_sim.bench.numpy_segmentation import labels as numpy_labels
 from twinscrew.runtime.messages.types import PointCloud
 from twinscrew.runtime.perception.sensor import Beams, Columns, Mount, Sensor
-from twinscrew.runtime.perception.stage import Perception, PerceptionSettings
+from twinscrew.runtime.perception.settings import PerceptionSettings
+from twinscrew.runtime.perception.stage import Perception
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 ALL_ROUND = Sensor(

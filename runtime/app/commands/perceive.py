@@ -15,7 +15,7 @@ from rich.table import Table
 if TYPE_CHECKING:
     from twinscrew.runtime.messages.types import Objects, PointCloud
     from twinscrew.runtime.perception.foreign import Chosen
-    from twinscrew.runtime.perception.stage import PerceptionSettings
+    from twinscrew.runtime.perception.settings import PerceptionSettings
     from twinscrew.runtime.perception.surface import Surface
 
 
@@ -90,7 +90,7 @@ def _surface(surface: Surface | None) -> dict[str, float] | None:
 
 def _settings(height_m: float | None, ground_m: float, max_range_m: float) -> PerceptionSettings:
     """Give settings for a vessel that is the sensor itself: no hull, and no water unless asked."""
-    from twinscrew.runtime.perception.stage import PerceptionSettings
+    from twinscrew.runtime.perception.settings import PerceptionSettings
     from twinscrew.runtime.settings import convert
 
     values: dict[str, Any] = {"max_range_m": max_range_m, "hull": None, "water": None}

@@ -8,7 +8,7 @@ from twinscrew.hil_sim.drivers.punctual import FIFO, is_punctual, ordinary, punc
 from twinscrew.hil_sim.faults.plan import load_plan
 from twinscrew.hil_sim.faults.trial import groups
 from twinscrew.hil_sim.faults.waters import BUOY_ASIDE_M, LANE_M, lanes
-from twinscrew.runtime.perception.stage import PerceptionSettings
+from twinscrew.runtime.perception.settings import PerceptionSettings
 
 
 def test_what_concerns_the_machine_is_tried_alone_and_the_rest_together() -> None:

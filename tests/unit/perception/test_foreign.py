@@ -8,7 +8,7 @@ from tests.harness.street import CARS, POLES, StreetScan
 from twinscrew.runtime.messages.types import PointCloud
 from twinscrew.runtime.perception.foreign import LEVEL, Chosen, choose, ground_below
 from twinscrew.runtime.perception.sensor import load_sensor
-from twinscrew.runtime.perception.stage import PerceptionSettings, WaterSettings
+from twinscrew.runtime.perception.settings import PerceptionSettings, WaterSettings
 
 FIRST_BODY = 2
 """The carrier and the ground come before the cars."""

@@ -7,7 +7,8 @@ from twinscrew.runtime.errors import ConfigError, MessageError
 from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_from_quaternion
 from twinscrew.runtime.messages.types import PointCloud
 from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
-from twinscrew.runtime.perception.stage import Perception, PerceptionSettings, WaterSettings
+from twinscrew.runtime.perception.settings import PerceptionSettings, WaterSettings
+from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.settings import convert
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
