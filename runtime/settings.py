@@ -12,7 +12,8 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeVar
+from types import NoneType, UnionType
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
 from msgspec import Meta
@@ -108,10 +109,12 @@ def _explain(message: str, values: object, type_: type[Settings]) -> tuple[str |
     what, key = (match["what"], match["key"]) if match else (message, None)
     unknown = re.match(r"Object contains unknown field `(?P<field>[^`]*)`", what)
     if unknown:
-        allowed = _fields_at(type_, key)
+        allowed = _fields(_type_at(type_, key))
         full = f"{key}.{unknown['field']}" if key else unknown["field"]
         return full, "unknown key" + (f"; allowed: {', '.join(allowed)}" if allowed else "")
-    value = _value_at(values, key)
+    value, expected = _value_at(values, key), _type_at(type_, key)
+    if get_origin(expected) is Literal and value is not None:
+        return key, one_of(value, get_args(expected))
     return key or None, what + (f", got {value!r}" if value is not None else "")
 
 
@@ -126,10 +129,25 @@ def _value_at(values: object, key: str | None) -> object:
     return None if isinstance(values, dict) else values
 
 
-def _fields_at(type_: Any, key: str | None) -> list[str]:
+def _type_at(type_: Any, key: str | None) -> Any:
+    """Give the type of a key's value, without None; None if that is not to be found."""
     for part in re.findall(r"[^.\[\]]+", key or ""):
-        fields = {f.encode_name: f.type for f in msgspec.structs.fields(type_)}
-        type_ = fields.get(part)
-        if not (isinstance(type_, type) and issubclass(type_, msgspec.Struct)):
-            return []
+        if _fields(type_):
+            type_ = {f.encode_name: f.type for f in msgspec.structs.fields(type_)}.get(part)
+        else:
+            type_ = next(iter(get_args(type_)), None)  # of a list's elements
+        type_ = _without_none(type_)
+    return type_
+
+
+def _without_none(type_: Any) -> Any:
+    if get_origin(type_) is Annotated:
+        type_ = get_args(type_)[0]
+    parts = [part for part in get_args(type_) if part is not NoneType]
+    return parts[0] if get_origin(type_) in (Union, UnionType) and len(parts) == 1 else type_
+
+
+def _fields(type_: Any) -> list[str]:
+    if not (isinstance(type_, type) and issubclass(type_, msgspec.Struct)):
+        return []
     return [f.encode_name for f in msgspec.structs.fields(type_)]

@@ -1,8 +1,9 @@
 import math
 from pathlib import Path
-from typing import ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import pytest
+from msgspec import Meta
 
 from twinscrew.runtime.errors import ConfigError, one_of
 from twinscrew.runtime.settings import CONFIG_DIR, Count, Positive, Settings, convert, load, shipped
@@ -18,6 +19,9 @@ class Outer(Settings, frozen=True):
     count: Count = 3
     names: tuple[str, ...] = ()
     places: tuple[tuple[float, float], ...] = ()
+    kind: Literal["a", "b"] = "a"
+    maybe: Inner | None = None
+    several: Annotated[tuple[Inner, ...], Meta(max_length=9)] = ()
 
 
 def test_defaults_need_no_file() -> None:
@@ -30,8 +34,13 @@ def test_defaults_need_no_file() -> None:
         ({"inner": {"gain": -1}}, ["boat.toml", "inner.gain", "-1", "> 0"]),
         ({"inner": {"gian": 1}}, ["boat.toml", "inner.gian", "unknown", "gain"]),
         ({"count": "three"}, ["boat.toml", "count", "three", "int"]),
-        ({"colour": 1}, ["boat.toml", "colour", "unknown", "inner, count, names, places"]),
+        ({"colour": 1}, ["boat.toml", "colour", "unknown", "inner, count, names, places, kind"]),
         ({"names": ["a", 2]}, ["boat.toml", "names[1]", "str"]),
+        ({"kind": "c"}, ["boat.toml: kind: 'c' is not one of 'a', 'b'"]),
+        ({"kind": 3}, ["boat.toml: kind: 3 is not one of 'a', 'b'"]),
+        ({"maybe": {"gian": 1}}, ["boat.toml: maybe.gian: unknown key; allowed: gain, offset"]),
+        ({"several": [{}, {"x": 1}]}, ["boat.toml: several[1].x: unknown key; allowed: gain"]),
+        ({"several": [{"gain": 0}]}, ["boat.toml: several[0].gain", "> 0", "got 0"]),
     ],
 )
 def test_a_refusal_names_file_key_value_and_what_is_allowed(
