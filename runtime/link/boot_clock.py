@@ -20,6 +20,8 @@ FORGET = 1e-4
 """[s/s] How fast an old measurement loses its worth: more than two crystals drift (100 ppm)."""
 ASK_S = 1.0
 """[s] Between two TIMESYNC questions."""
+LONGEST_DELAY_S = 5.0
+"""[s] No line is slower: who answers as if it were counts by another clock than its messages."""
 _REBOOT_S = 1.0
 """[s] A time this far back means that the autopilot started again."""
 
@@ -51,7 +53,9 @@ class BootClock:
 
     def caller_s(self, boot_s: float) -> float:
         """Give the caller's time [s] of an autopilot's time since boot [s]."""
-        return boot_s + min(self._one_way.value_s, self._synced.value_s)
+        latest_s, synced_s = self._one_way.value_s, self._synced.value_s
+        apart = math.isfinite(latest_s) and latest_s - synced_s > LONGEST_DELAY_S
+        return boot_s + (latest_s if apart else min(latest_s, synced_s))
 
     def heard(self, boot_s: float, now_s: float) -> None:
         """Take the time since boot that a message carries, which came now."""

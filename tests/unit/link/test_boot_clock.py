@@ -68,3 +68,12 @@ def test_an_autopilot_that_starts_again_is_measured_anew():
     talk(clock, seconds=5, delay=lambda: 0.0)
     clock.heard(1.0, 2000.0)
     assert clock.caller_s(1.0) == pytest.approx(2000.0)
+
+
+@pytest.mark.parametrize("boot_ns", [1_700_000_000 * 10**9, 2**62, -(2**62), 1])
+def test_answers_by_another_clock_than_the_messages_are_not_believed(boot_ns):
+    clock = BootClock()
+    clock.heard(500.0, 1000.05)
+    (question,) = clock.ask(1000.0)
+    clock.answered(mavlink.MAVLink_timesync_message(boot_ns, question.ts1), 1000.02)
+    assert clock.caller_s(500.0) == pytest.approx(1000.05)
