@@ -53,20 +53,22 @@ def load_run(
     file = folder / runs.CONFIG
     if not file.is_file():
         raise ConfigError(f"no training run here ({runs.CONFIG} is missing)", file=folder)
-    told = json.loads(file.read_text(encoding="utf-8"))
+    told = runs.read_told(folder)
     settings = convert(told["settings"], TrainSettings, file=file)
+    with runs.understood(file):
+        agent = make_agent(settings.agent, int(told["seed"]), "cpu")
     content = runs.load_checkpoint(folder / checkpoint, algorithm(settings.agent))
-    agent = make_agent(settings.agent, told["seed"], "cpu")
-    agent.restore(content["agent"])
-    told_agent = phase_settings(settings, settings.phases[content["phase"]]).agent
-    agent.retune(_at_risk(told_agent, risk))
     log = runs.read_records(folder / runs.LOG)
-    trained = {
-        "configuration": told["settings"],
-        "seed": told["seed"],
-        "checkpoint": {**content["where"], "selected_on": json.loads(content["score"])},
-        "machine": next((r["machine"] for r in log if r["event"] == "start"), "unknown"),
-    }
+    with runs.understood(folder / checkpoint):
+        agent.restore(content["agent"])
+        phase = settings.phases[content["phase"]]
+        trained = {
+            "configuration": told["settings"],
+            "seed": told["seed"],
+            "checkpoint": {**content["where"], "selected_on": json.loads(content["score"])},
+            "machine": next((r["machine"] for r in log if r.get("event") == "start"), "unknown"),
+        }
+    agent.retune(_at_risk(phase_settings(settings, phase).agent, risk))
     if radius_margin is not None:
         settings = msgspec.structs.replace(settings, radius_margin=radius_margin)
     return agent.deployed(settings.radius_margin), settings, trained

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -56,8 +55,9 @@ def find_runs(folders: Iterable[Path], by: Grouping = "algorithm") -> dict[str, 
         if not files:
             raise ConfigError("no training run here", file=folder)
         for file in files:
-            told = json.loads(file.read_text(encoding="utf-8"))
-            algorithm = told["settings"]["agent"]["algorithm"]
+            told = runs.read_told(file.parent)
+            with runs.understood(file):
+                algorithm = str(told["settings"]["agent"]["algorithm"])
             name = algorithm if by == "algorithm" else file.resolve().parent.parent.name
             found.setdefault(name, []).append(file.parent)
     return found
@@ -93,7 +93,7 @@ def evaluations(folder: Path) -> list[dict[str, Any]]:
     ConfigError
         There is none yet.
     """
-    records = [r for r in runs.read_records(folder / runs.LOG) if r["event"] == "evaluation"]
+    records = [r for r in runs.read_records(folder / runs.LOG) if r.get("event") == "evaluation"]
     if not records:
         raise ConfigError("has not been evaluated yet", file=folder / runs.LOG)
     return records
@@ -105,7 +105,8 @@ def _series(folder: Path, quantity: str) -> tuple[Float64, Float64]:
         raise ConfigError(
             "not logged: a run of an older version", file=folder / runs.LOG, key=quantity
         )
-    return (
-        np.array([r["transitions"] for r in records], float),
-        np.array([r[quantity] for r in records], float),
-    )
+    with runs.understood(folder / runs.LOG):
+        return (
+            np.array([r["transitions"] for r in records], float),
+            np.array([r[quantity] for r in records], float),
+        )

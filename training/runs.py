@@ -10,7 +10,6 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import pickle
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -81,13 +80,49 @@ def claim(
     file, checkpoint = folder / CONFIG, folder / CHECKPOINT
     text = json.dumps(told, indent=1)
     if file.exists():
-        saved = checkpoint.exists()
-        begun = load_checkpoint(checkpoint, algorithm)["phase"] + 1 if saved else 0
-        before, now = json.loads(file.read_text(encoding="utf-8")), json.loads(text)
-        before["settings"] = complete(before["settings"])
-        if _up_to(before, begun) != _up_to(now, begun):
+        begun = 0
+        if checkpoint.exists():
+            content = load_checkpoint(checkpoint, algorithm)
+            with understood(checkpoint):
+                begun = int(content["phase"]) + 1
+        before, now = read_told(folder), json.loads(text)
+        with understood(file):
+            before["settings"] = complete(before["settings"])
+            same = _up_to(before, begun) == _up_to(now, begun)
+        if not same:
             raise ConfigError("holds a run of another configuration or seed", file=folder)
     replace_file(file, lambda out: out.write(text.encode()))
+
+
+def read_told(folder: Path) -> dict[str, Any]:
+    """Give what a run was told: `seed`, and `settings` as plain values.
+
+    Raises
+    ------
+    ConfigError
+        There is no such file, or it holds something else.
+    """
+    file = folder / CONFIG
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise ConfigError(error.strerror or str(error), file=file) from error
+    with understood(file):
+        told = json.loads(data)
+        return {**told, "settings": {**told["settings"]}}
+
+
+@contextmanager
+def understood(file: Path) -> Iterator[None]:
+    """Turn what a file's content raises where it is used, if it is another's, into a `ConfigError`.
+
+    Files of a run are written by `train` alone: what is odd in them is damage, or another version.
+    """
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError, RuntimeError) as error:
+        what = f"{type(error).__name__}: {error}".splitlines()[0]
+        raise ConfigError(f"damaged, or of another version ({what})", file=file) from error
 
 
 def _up_to(told: dict[str, Any], phases: int) -> dict[str, Any]:
@@ -141,14 +176,14 @@ def load_checkpoint(file: Path, algorithm: str) -> dict[str, Any]:
         content = torch.load(file, map_location="cpu", weights_only=True)
     except OSError as error:
         raise ConfigError(error.strerror or str(error), file=file) from error
-    except (RuntimeError, pickle.UnpicklingError, EOFError, ValueError) as error:
+    except Exception as error:  # damage: whatever the parts of zip, pickle and torch notice
         raise ConfigError("not a readable checkpoint", file=file) from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         found = content.get("format") if isinstance(content, dict) else type(content).__name__
         raise ConfigError(f"checkpoint of version {found!r}, this reads {FORMAT}", file=file)
-    if content["algorithm"] != algorithm:
+    if content.get("algorithm") != algorithm:
         raise ConfigError(
-            f"checkpoint of {content['algorithm']!r}, the configuration is of {algorithm!r}",
+            f"checkpoint of {content.get('algorithm')!r}, the configuration is of {algorithm!r}",
             file=file,
         )
     return content
@@ -183,17 +218,21 @@ def read_records(file: Path) -> list[dict[str, Any]]:
     Raises
     ------
     ConfigError
-        There is no log.
+        There is no log, or it has a line that is no record.
     """
     try:
-        lines = file.read_text(encoding="utf-8").splitlines()
+        lines = file.read_bytes().splitlines()
     except OSError as error:
         raise ConfigError(error.strerror or str(error), file=file) from error
     records = []
     for number, line in enumerate(lines):
         try:
-            records.append(json.loads(line))
-        except json.JSONDecodeError as error:
+            record = json.loads(line)
+        except (ValueError, RecursionError) as error:
             if number + 1 < len(lines):
                 raise ConfigError(f"line {number + 1} is not JSON", file=file) from error
+            break
+        if not isinstance(record, dict):
+            raise ConfigError(f"line {number + 1} is no record", file=file)
+        records.append(record)
     return records

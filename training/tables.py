@@ -8,6 +8,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from twinscrew.training import runs
 from twinscrew.training.curves import evaluations
 from twinscrew.training.validate import SECONDS_WORTH
 
@@ -62,12 +63,16 @@ def seeds_table(groups: Mapping[str, list[Path]], which: Which = "last") -> str:
 def chosen(folder: Path, which: Which) -> dict[str, Any]:
     """Give the last evaluation of a run, or the one that its best checkpoint was selected by."""
     records = evaluations(folder)
-    return records[-1] if which == "last" else max(records, key=selection_value)
+    with runs.understood(folder / runs.LOG):
+        record = records[-1] if which == "last" else max(records, key=selection_value)
+        for column in COLUMNS:
+            float(column.value(record) or 0.0)
+    return record
 
 
 def selection_value(record: Mapping[str, Any]) -> float:
     """Give what selection maximised (`Score.value`), from a logged evaluation."""
-    kinds = [record[key] for key in ("success", "rough_success") if key in record]
+    kinds = [record["success"], *(record[key] for key in ("rough_success",) if key in record)]
     return float(np.mean(kinds)) - SECONDS_WORTH * float(record["travel_time_s"])
 
 

@@ -147,18 +147,16 @@ class Training:
     def _restore(self) -> None:
         file = self.folder / runs.CHECKPOINT
         content = runs.load_checkpoint(file, algorithm(self.settings.agent))
-        try:
+        with runs.understood(file):
             self.agent.restore(content["agent"])
-        except (KeyError, RuntimeError, ValueError) as error:
-            raise ConfigError("checkpoint of other networks", file=file) from error
-        self.generator.set_state(content["generator"])
-        self.phase, self.phase_step = content["phase"], content["phase_step"]
-        self.best, self.due = content["best"], content["fraction"]
-        where = content["where"]
-        self.step, self.transitions = where["step"], where["transitions"]
-        self.seconds = where["seconds"]
-        if content.get("replay") is not None:
-            self._files.restore(content["replay"])
+            self.generator.set_state(content["generator"])
+            self.phase, self.phase_step = content["phase"], content["phase_step"]
+            self.best, self.due = content["best"], content["fraction"]
+            where = content["where"]
+            self.step, self.transitions = where["step"], where["transitions"]
+            self.seconds = where["seconds"]
+            if content.get("replay") is not None:
+                self._files.restore(content["replay"])
 
 
 def complete(settings: dict[str, Any]) -> dict[str, Any]:

@@ -1,4 +1,5 @@
 import json
+import shutil
 
 import msgspec
 import numpy as np
@@ -8,6 +9,7 @@ import torch
 from twinscrew.export import parity
 from twinscrew.export.command import export
 from twinscrew.export.onnx_file import DeployedPolicy
+from twinscrew.export.run_dir import load_run
 from twinscrew.runtime.errors import ConfigError, PolicyError
 from twinscrew.runtime.messages.types import Observation
 from twinscrew.runtime.policy.onnx import OnnxPolicy
@@ -121,3 +123,39 @@ def test_a_conditioned_policy_holds_its_phases_level_or_the_one_asked_for(tmp_pa
 def test_a_level_is_refused_for_a_policy_that_takes_none(run_dir, tmp_path):
     with pytest.raises(ConfigError, match="not trained for risk levels"):
         export(run_dir, tmp_path / "a.onnx", margin=1.0, risk=0.5, episodes=1)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"agent": {}},
+        {"agent": None},
+        {"phase": 7},
+        {"phase": "last"},
+        {"where": None},
+        {"score": "no JSON"},
+    ],
+)
+def test_a_checkpoint_that_holds_something_else_is_refused_by_name(run_dir, tmp_path, change):
+    folder = shutil.copytree(run_dir, tmp_path / "seed_7")
+    content = runs.load_checkpoint(folder / runs.BEST, "ac_iqn")
+    runs.save_checkpoint(folder / runs.BEST, "ac_iqn", content | change)
+    with pytest.raises(ConfigError, match=r"best\.pt: damaged, or of another version"):
+        load_run(folder)
+
+
+def test_weights_of_other_networks_are_refused_by_name(run_dir, tmp_path):
+    larger = msgspec.structs.replace(AGENT, network=msgspec.structs.replace(SMALL, ego_width=24))
+    folder = make_run(tmp_path / "seed_7", larger)
+    shutil.copy(run_dir / runs.BEST, folder / runs.BEST)
+    with pytest.raises(ConfigError, match=r"best\.pt: damaged, or of another version"):
+        load_run(folder)
+
+
+@pytest.mark.parametrize("change", [{"seed": None}, {"seed": "one"}, {"settings": []}])
+def test_a_run_that_was_told_something_else_is_refused_by_name(run_dir, tmp_path, change):
+    folder = shutil.copytree(run_dir, tmp_path / "seed_7")
+    told = json.loads((folder / runs.CONFIG).read_text())
+    (folder / runs.CONFIG).write_text(json.dumps(told | change))
+    with pytest.raises(ConfigError, match=r"config\.json"):
+        load_run(folder)

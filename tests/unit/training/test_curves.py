@@ -82,3 +82,16 @@ def test_the_figure_is_drawn(tmp_path, capsys):
     train_report([tmp_path / "a"], tmp_path / "out")
     assert (tmp_path / "out" / "learning_curves.png").read_bytes()[:4] == b"\x89PNG"
     assert "learning_curves.png" in capsys.readouterr().out
+
+
+def test_a_log_whose_numbers_are_none_is_refused_by_name(tmp_path):
+    folder = run(tmp_path / "0", ["much"])
+    with pytest.raises(ConfigError, match=r"log\.jsonl: damaged, or of another version"):
+        learning_curve([folder], "success")
+
+
+def test_a_run_that_does_not_say_its_algorithm_is_refused_by_name(tmp_path):
+    folder = run(tmp_path / "0", [0.1])
+    (folder / runs.CONFIG).write_text(json.dumps({"settings": {"agent": None}}))
+    with pytest.raises(ConfigError, match=r"config\.json: damaged, or of another version"):
+        find_runs([tmp_path])

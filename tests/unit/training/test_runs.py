@@ -1,5 +1,6 @@
 import errno
 import json
+import random
 import subprocess
 import sys
 from pathlib import Path
@@ -108,3 +109,44 @@ def test_a_broken_line_in_the_middle_is_named(tmp_path):
     log.write_text('{"st\n{"step": 1}\n')
     with pytest.raises(ConfigError, match="line 1"):
         runs.read_records(log)
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"{", b"[1]", b"{}", b'{"settings": 3}', b"\xff\xfe", b"[" * 100_000]
+)
+def test_a_configuration_that_is_none_is_refused_by_name(tmp_path, content):
+    (tmp_path / runs.CONFIG).write_bytes(content)
+    with pytest.raises(ConfigError, match=r"config\.json: damaged, or of another version"):
+        runs.read_told(tmp_path)
+
+
+def test_a_checkpoint_with_any_bytes_changed_is_read_or_refused(tmp_path):
+    file = tmp_path / "checkpoint.pt"
+    runs.save_checkpoint(file, "a", {"weights": torch.zeros(20), "names": ["x", {"y": 1.0}]})
+    data, generator = file.read_bytes(), random.Random(2)
+    refused = 0
+    for _ in range(150):
+        changed = bytearray(data)
+        for place in generator.choices(range(len(data)), k=3):
+            changed[place] = generator.randrange(256)
+        file.write_bytes(changed[: generator.randrange(len(data)) if refused % 3 == 2 else None])
+        try:
+            runs.load_checkpoint(file, "a")
+        except ConfigError as error:
+            assert str(file) in str(error)  # noqa: PT017
+            refused += 1
+    assert refused > 10
+
+
+@pytest.mark.parametrize("line", [b"3", b"null", b'"text"', b"[1]"])
+def test_a_line_that_is_no_record_is_named(tmp_path, line):
+    (tmp_path / runs.LOG).write_bytes(b'{"event": "start"}\n' + line + b"\n")
+    with pytest.raises(ConfigError, match="line 2 is no record"):
+        runs.read_records(tmp_path / runs.LOG)
+
+
+@pytest.mark.parametrize("line", [b"\xff\xfe", b"[" * 100_000])
+def test_a_line_that_is_no_text_is_named(tmp_path, line):
+    (tmp_path / runs.LOG).write_bytes(line + b'\n{"event": "start"}\n')
+    with pytest.raises(ConfigError, match="line 1 is not JSON"):
+        runs.read_records(tmp_path / runs.LOG)

@@ -2,6 +2,7 @@ import json
 
 import pytest
 
+from twinscrew.runtime.errors import ConfigError
 from twinscrew.training import runs
 from twinscrew.training.commands_report import train_report
 from twinscrew.training.curves import find_runs
@@ -50,3 +51,11 @@ def test_the_command_prints_the_table(tmp_path, capsys):
     run(tmp_path / "mine" / "seed_0", {"success": 1.0})
     train_report([tmp_path], table=True)
     assert "| mine | 1 | 1.000 | - | 20.0 |" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("which", ["last", "best"])
+@pytest.mark.parametrize("record", [{}, {"success": "high"}, {"success": None, "seconds": []}])
+def test_an_evaluation_that_tells_something_else_is_refused_by_its_file(tmp_path, which, record):
+    folder = run(tmp_path / "a" / "seed_0", record)
+    with pytest.raises(ConfigError, match=r"log\.jsonl: damaged, or of another version"):
+        chosen(folder, which)
