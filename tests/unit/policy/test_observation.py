@@ -61,8 +61,8 @@ def test_a_goal_beyond_its_range_is_shown_at_that_range_in_its_direction():
 
 
 def test_a_goal_within_its_range_is_shown_where_it_is():
-    exact = np.array([52.9 - 2.1, 53.0 - 2.0], np.float32)  # across the training's whole map
-    seen = see(o=odometry((2.1, 2.0, 0.0)), g=goal(52.9, 53.0))
+    exact = np.array([35.9 - 2.1, 41.0 - 2.0], np.float32)  # 51.6 m away
+    seen = see(o=odometry((2.1, 2.0, 0.0)), g=goal(35.9, 41.0))
     assert np.array_equal(seen.ego[:2], exact)
 
 
