@@ -69,7 +69,7 @@ def read_given(path: Path) -> dict[str, Given]:
         return {one["name"]: _given(one["episodes"]) for one in sets}
     except OSError as error:
         raise ConfigError(error.strerror or str(error), file=file) from error
-    except (ValueError, KeyError, TypeError, IndexError) as error:
+    except (ValueError, LookupError, TypeError, RecursionError) as error:
         raise ConfigError(f"no episodes of an experiment ({error!r})", file=file) from error
 
 

@@ -85,5 +85,5 @@ def _count(path: Path) -> int:
     try:
         sets = msgspec.json.decode(path.read_bytes())["sets"]
         return min(len(one["episodes"]) for one in sets)
-    except (msgspec.DecodeError, KeyError, TypeError, ValueError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         return 0

@@ -50,7 +50,7 @@ def read_folder(path: Path) -> Folder:
     except OSError as error:
         what = "not a folder of results" if path.is_dir() else "no such folder"
         raise ConfigError(f"{what} ({error.strerror})", file=path) from error
-    except msgspec.DecodeError as error:
+    except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep
         raise ConfigError(f"damaged: {error}", file=file) from error
     return convert(values, Folder, file=file)
 

@@ -142,7 +142,7 @@ def _parse(path: Path, data: bytes) -> tuple[list[EpisodeRecord], int]:
     for number, line in enumerate(data[:whole].splitlines(), start=1):
         try:
             record = _DECODER.decode(line)
-        except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep
             raise RecordingError(f"{path}:{number}: not an episode: {error}") from error
         if record.key in lines:
             raise RecordingError(f"{path}:{number}: line {lines[record.key]} again: {record.key}")

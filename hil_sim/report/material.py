@@ -126,7 +126,7 @@ def _trained(text: str, sets: int) -> tuple[str, tuple[Trained, ...]]:
         scores = tuple(_score(row) for row in rows)
     except OSError as error:
         raise ConfigError(error.strerror or str(error), file=name) from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         what = "not what `twinscrew evaluate --all --json` prints"
         raise ConfigError(f"{what} ({error!r})", file=name) from error
     if len(scores) != sets:

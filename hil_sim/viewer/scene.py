@@ -64,5 +64,5 @@ def read_scene(folder: Path) -> Scene:
         return Scene()
     try:
         return msgspec.json.decode(path.read_bytes(), type=Scene)
-    except msgspec.DecodeError as error:
+    except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep
         raise RecordingError(f"{path}: not a scene: {error}") from error

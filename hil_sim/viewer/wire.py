@@ -122,7 +122,7 @@ def decode_request(text: str) -> Request | None:
     """Read what the page asks for; None if it is not a request."""
     try:
         return msgspec.json.decode(text, type=Request)
-    except msgspec.DecodeError:
+    except (ValueError, RecursionError):  # no JSON, nested too deep
         return None
 
 

@@ -74,7 +74,7 @@ def read_summary(folder: Path) -> RunSummary:
     path = folder / SUMMARY_FILE
     try:
         return msgspec.json.decode(path.read_bytes(), type=RunSummary)
-    except (OSError, msgspec.DecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:  # nested too deep, for the last
         raise RecordingError(f"{path}: the runtime left no summary ({error})") from error
 
 

@@ -1,9 +1,18 @@
 from pathlib import Path
 
+import pytest
+
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.recording_settings import RecordingSettings
-from twinscrew.runtime.app.session import Session, nothing_told, unused
+from twinscrew.runtime.app.session import (
+    SUMMARY_FILE,
+    Session,
+    nothing_told,
+    read_summary,
+    unused,
+)
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.errors import RecordingError
 from twinscrew.runtime.link.settings import AutopilotSettings
 
 
@@ -48,3 +57,16 @@ def test_a_runtime_that_was_killed_has_told_nothing() -> None:
     summary = nothing_told("wamv1")
     assert (summary.name, summary.decisions, summary.overruns) == ("wamv1", 0, 0)
     assert set(summary.latency_ms) == {"p50", "p99", "p999", "max"}
+
+
+@pytest.mark.parametrize(
+    "content",
+    [None, b"{", b'{"vessel": "\xff"}', pytest.param(b'{"x": ' + b"[" * 100_000, id="deep")],
+)
+def test_a_summary_that_is_missing_or_damaged_is_refused_by_name(
+    tmp_path: Path, content: bytes | None
+) -> None:
+    if content is not None:
+        (tmp_path / SUMMARY_FILE).write_bytes(content)
+    with pytest.raises(RecordingError, match=SUMMARY_FILE):
+        read_summary(tmp_path)

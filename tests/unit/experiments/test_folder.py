@@ -78,8 +78,14 @@ def test_what_is_no_results_folder_is_refused(tmp_path: Path) -> None:
         read_folder(tmp_path)
     with pytest.raises(ConfigError, match="no such folder"):
         read_folder(tmp_path / "x")
-    (tmp_path / FILE).write_text("{")
-    with pytest.raises(ConfigError, match="damaged"):
+
+
+@pytest.mark.parametrize(
+    "content", [b"{", b'{"x": "\xff"}', pytest.param(b"[" * 100_000, id="deep")]
+)
+def test_a_damaged_experiment_is_refused_by_name(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / FILE).write_bytes(content)
+    with pytest.raises(ConfigError, match=f"{FILE}: damaged"):
         read_folder(tmp_path)
 
 

@@ -52,10 +52,14 @@ def test_a_half_written_last_line_is_no_episode_and_is_overwritten(path: Path, c
     assert path.read_bytes() == whole
 
 
-def test_a_damaged_line_is_named(path: Path) -> None:
+@pytest.mark.parametrize(
+    "line",
+    [b'{"method": 3}', b'{"method": "\xff"}', pytest.param(b'{"x": ' + b"[" * 100_000, id="deep")],
+)
+def test_a_damaged_line_is_named(path: Path, line: bytes) -> None:
     write(path, 3)
     lines = path.read_bytes().splitlines(keepends=True)
-    path.write_bytes(lines[0] + b'{"method": 3}\n' + lines[2])
+    path.write_bytes(lines[0] + line + b"\n" + lines[2])
     with pytest.raises(RecordingError, match=rf"{FILE}:2: not an episode"):
         read_results(path)
 

@@ -71,7 +71,15 @@ def test_a_policy_is_scored_on_every_episode_of_every_set(folder: Path) -> None:
         assert result.travel_time_s < 30.0
 
 
-@pytest.mark.parametrize("text", ["", "{}", '{"sets": [{"name": "x", "episodes": [{}]}]}'])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{}",
+        '{"sets": [{"name": "x", "episodes": [{}]}]}',
+        pytest.param("[" * 100_000, id="deep"),
+    ],
+)
 def test_a_file_that_is_none_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / FILE).write_text(text)
     with pytest.raises(ConfigError, match="no episodes of an experiment"):

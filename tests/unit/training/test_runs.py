@@ -112,7 +112,16 @@ def test_a_broken_line_in_the_middle_is_named(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"{", b"[1]", b"{}", b'{"settings": 3}', b"\xff\xfe", b"[" * 100_000]
+    "content",
+    [
+        b"",
+        b"{",
+        b"[1]",
+        b"{}",
+        b'{"settings": 3}',
+        b"\xff\xfe",
+        pytest.param(b"[" * 100_000, id="deep"),
+    ],
 )
 def test_a_configuration_that_is_none_is_refused_by_name(tmp_path, content):
     (tmp_path / runs.CONFIG).write_bytes(content)
@@ -145,7 +154,7 @@ def test_a_line_that_is_no_record_is_named(tmp_path, line):
         runs.read_records(tmp_path / runs.LOG)
 
 
-@pytest.mark.parametrize("line", [b"\xff\xfe", b"[" * 100_000])
+@pytest.mark.parametrize("line", [b"\xff\xfe", pytest.param(b"[" * 100_000, id="deep")])
 def test_a_line_that_is_no_text_is_named(tmp_path, line):
     (tmp_path / runs.LOG).write_bytes(line + b'\n{"event": "start"}\n')
     with pytest.raises(ConfigError, match="line 1 is not JSON"):

@@ -22,7 +22,11 @@ def test_a_folder_without_a_scene_has_an_empty_one(tmp_path):
     assert read_scene(tmp_path) == Scene()
 
 
-def test_a_damaged_scene_is_refused_by_name(tmp_path):
-    (tmp_path / SCENE_FILE).write_text('{"buoys": 3}')
+@pytest.mark.parametrize(
+    "content",
+    [b'{"buoys": 3}', b'{"names": ["\xff"]}', pytest.param(b'{"x": ' + b"[" * 100_000, id="deep")],
+)
+def test_a_damaged_scene_is_refused_by_name(tmp_path, content):
+    (tmp_path / SCENE_FILE).write_bytes(content)
     with pytest.raises(RecordingError, match=SCENE_FILE):
         read_scene(tmp_path)

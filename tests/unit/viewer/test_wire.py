@@ -45,7 +45,11 @@ def test_a_frame_holds_the_points_of_each_vessel_behind_an_aligned_head(name):
 
 
 @pytest.mark.parametrize(
-    "text", ["", "{", "[]", "null", '{"seek_s": "soon"}', '{"arm": true}', '{"playing": 1}', "NaN"]
+    "text",
+    [
+        *("", "{", "[]", "null", '{"seek_s": "soon"}', '{"arm": true}', '{"playing": 1}', "NaN"),
+        pytest.param('{"x": ' + "[" * 100_000, id="deep"),
+    ],
 )
 def test_what_is_no_request_is_none(text):
     assert decode_request(text) is None
