@@ -6,8 +6,9 @@ config/runtime.toml shows every key with its default, unit and meaning.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
+from msgspec import Meta
 from msgspec.structs import replace
 
 from twinscrew.runtime.app.ground import GroundSettings
@@ -26,7 +27,7 @@ from twinscrew.runtime.policy.observation import ObservationSettings
 from twinscrew.runtime.policy.risk import RiskSettings
 from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.safety.guard import ThrustLimits
-from twinscrew.runtime.settings import Positive, Settings, load
+from twinscrew.runtime.settings import Settings, load
 from twinscrew.runtime.tracking.tracker import TrackerSettings
 
 
@@ -56,7 +57,7 @@ class RuntimeConfig(Settings, frozen=True):
     odometry_source: Literal["bus", "autopilot", "gps_imu"] = "bus"
     """Where odometry comes from: the `odometry` topic, the autopilot's own estimate, or a filter
     here of the `gps` and `imu` topics."""
-    command_rate_hz: Positive = 20.0
+    command_rate_hz: Annotated[float, Meta(gt=0.0, le=1000.0)] = 20.0
     """[Hz] The thrust is re-sent this often (parameters.md: 20 Hz)."""
     thrust: ThrustLimits = ThrustLimits()
     mission: MissionSettings = MissionSettings()

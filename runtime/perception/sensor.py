@@ -34,17 +34,20 @@ Aboard = Annotated[float, Meta(ge=-100.0, le=100.0)]
 Turn = Annotated[float, Meta(ge=-2 * math.pi, le=2 * math.pi)]
 """[rad] Greater ones are degrees."""
 
+MOST_BEAMS, MOST_COLUMNS = 1024, 65_536
+"""[-] Nobody's LiDAR has more: an image of them all still fits the memory."""
+
 
 class Beams(Settings, frozen=True, kw_only=True):
     """The rows of the range image: evenly spread beams, or a list of them."""
 
-    count: Annotated[int, Meta(ge=2)] | None = None
+    count: Annotated[int, Meta(ge=2, le=MOST_BEAMS)] | None = None
     """[-] Number of beams, evenly spread from the lowest to the highest, both included."""
     lowest_rad: float | None = None
     """[rad] Elevation of the lowest beam, positive upwards."""
     highest_rad: float | None = None
     """[rad] Elevation of the highest beam, positive upwards."""
-    elevations_deg: tuple[Elevation, ...] | None = None
+    elevations_deg: Annotated[tuple[Elevation, ...], Meta(max_length=MOST_BEAMS)] | None = None
     """[deg] Instead of the three above: every beam's elevation, in any order."""
 
     def elevations(self) -> Float64:
@@ -74,9 +77,9 @@ class Beams(Settings, frozen=True, kw_only=True):
 class Columns(Settings, frozen=True, kw_only=True):
     """The columns of the range image: azimuths at which every beam is fired, in firing order."""
 
-    count: Annotated[int, Meta(ge=2)]
+    count: Annotated[int, Meta(ge=2, le=MOST_COLUMNS)]
     """[-] Number of firings a scan."""
-    first_rad: float
+    first_rad: Turn
     """[rad] Azimuth of the first firing, counter-clockwise from x forward."""
     span_rad: Annotated[float, Meta(ge=-2 * math.pi - 1e-9, le=2 * math.pi + 1e-9)]
     """[rad] From the first azimuth to the last; positive counter-clockwise."""
@@ -115,7 +118,7 @@ class Sensor(Settings, frozen=True, kw_only=True, dict=True):
     columns: Columns
     rate_hz: Positive
     """[Hz] Scans a second."""
-    scan_duration_s: NonNegative
+    scan_duration_s: Annotated[float, Meta(ge=0.0, le=10.0)]
     """[s] From the first firing to the last; 0 if all rays are taken at once (simulators)."""
     stamp_fraction: Fraction = 0.0
     """[-] When in the scan its stamp is taken: 0 at the first firing, 1 at the last."""

@@ -81,6 +81,7 @@ def test_a_file_says_only_what_differs(tmp_path: Path) -> None:
         ("[autopilot]\nsystem_id = 300", ["autopilot.system_id", "300", "255"]),
         ('[autopilot]\ncontrol = "radio"', ["autopilot.control", "radio"]),
         ('command_rate_hz = "fast"', ["command_rate_hz", "fast", "float"]),
+        ("command_rate_hz = 1e6", ["command_rate_hz", "<= 1000", "got 1000000.0"]),
         ("[thrust]\nmax_n = 2000", ["thrust.max_n", "[0, 1000] N"]),
         ("[thrust]\nmin_n = -900", ["thrust.min_n", "[-500, 0] N"]),
         ("[thrust]\nmin_n = 10", ["thrust.min_n", "[-500, 0] N"]),

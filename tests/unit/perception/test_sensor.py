@@ -88,6 +88,16 @@ def test_listed_elevations_are_sorted() -> None:
         ({"columns": {"count": 8, "first_rad": 0.0, "span_rad": 7.0, "endpoint": True}}, "span"),
         ({"mount": {"x_m": 700.0, "y_m": 0.0, "z_m": 1.0}}, "mount.x_m"),  # millimetres
         ({"mount": {"x_m": 0.7, "y_m": 0, "z_m": 1, "roll_rad": 180.0}}, "mount.roll_rad"),
+        ({"beams": {"count": 10**9, "lowest_rad": -0.2, "highest_rad": 0.2}}, "beams.count"),
+        (
+            {"columns": {"count": 10**9, "first_rad": 0.0, "span_rad": 6.0, "endpoint": True}},
+            "columns.count",
+        ),
+        (
+            {"columns": {"count": 8, "first_rad": 180.0, "span_rad": 6.0, "endpoint": True}},
+            "columns.first_rad",
+        ),
+        ({"scan_duration_s": 100.0}, "scan_duration_s"),  # milliseconds
         ({"typo": 1}, "unknown key"),
     ],
 )
