@@ -28,6 +28,12 @@ from twinscrew.runtime.errors import RecordingError
 MAGIC: Final = b"\x89MCAP0\r\n"
 """An MCAP file begins with it, and ends with it if it was finished."""
 
+OTHERS: Final = {
+    b"#ROSBAG": ", but a ROS 1 bag: `rosbags-convert` makes a rosbag2 of it",
+    b"SQLite": ", but SQLite: a rosbag2's file is named *.db3",
+}
+"""What else begins as people's recordings do, and what to do with it."""
+
 _DAMAGE: Final = (
     McapError,
     MemoryError,  # an absurd size of an uncompressed chunk
@@ -69,14 +75,15 @@ class McapFile:
         self.path = path
         try:
             with path.open("rb") as stream:
-                begins = stream.read(len(MAGIC)) == MAGIC
+                beginning = stream.read(len(MAGIC))
                 stream.seek(0, 2)
                 stream.seek(max(0, stream.tell() - len(MAGIC)))
                 ends = stream.read() == MAGIC
         except OSError as error:
             raise RecordingError(f"{path}: {error.strerror or error}") from error
-        if not begins:
-            raise RecordingError(f"{path}: not an MCAP file")
+        if beginning != MAGIC:
+            known = (what for magic, what in OTHERS.items() if beginning.startswith(magic))
+            raise RecordingError(f"{path}: not an MCAP file{next(known, '')}")
         self.whole = ends and path.stat().st_size > len(MAGIC)
         """False if the file was cut off."""
 

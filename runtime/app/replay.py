@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,8 +18,17 @@ from twinscrew.runtime.app.recording import DecisionHash, Recorded, Recording
 from twinscrew.runtime.errors import MessageError, RecordingError
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import CORE_INPUTS
-from twinscrew.runtime.messages.types import Engagement
+from twinscrew.runtime.messages.types import Engagement, HealthEvent, Severity
 from twinscrew.runtime.settings import convert
+
+
+@dataclass(slots=True)
+class Refused:
+    """Inputs that one kind of health event was about."""
+
+    count: int
+    first: str
+    """What the first of them said."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +45,8 @@ class Replay:
     """Of as many replayed decisions as were recorded."""
     whole: bool
     """False if the recording's end is missing: the recorder was killed."""
+    refused: Mapping[str, Refused]
+    """By the event's name: what of the inputs could not be used."""
 
     @property
     def same(self) -> bool:
@@ -78,6 +89,7 @@ def replay(
     source = GpsImuOdometry(settings.estimation) if makes_odometry else None
     recorded, again = DecisionHash(), DecisionHash()
     recorded_count = 0
+    refused: dict[str, Refused] = {}
     hashes = [again.hexdigest()]
     if recording.is_foreign and not recording.has("engagement"):  # decide as if the boat were ours
         core.feed("engagement", cdr.encode_engagement(Engagement(stamp_ns=0, engaged=True)))
@@ -88,6 +100,7 @@ def replay(
             continue
         for topic, payload in _fed(message, source):
             outcome = core.feed(topic, payload)
+            _count(refused, outcome.events)
             if outcome.decision is not None:
                 again.add(cdr.encode_decision(outcome.decision))
                 hashes.append(again.hexdigest())
@@ -99,6 +112,7 @@ def replay(
         recorded_sha256=recorded.hexdigest(),
         beginning_sha256=hashes[min(recorded_count, len(hashes) - 1)],
         whole=recording.whole,
+        refused=refused,
     )
 
 
@@ -108,6 +122,12 @@ def combined_sha256(digests: Iterable[str]) -> str:
     if len(several) == 1:
         return several[0]
     return hashlib.sha256("".join(several).encode("ascii")).hexdigest()
+
+
+def _count(refused: dict[str, Refused], events: Iterable[HealthEvent]) -> None:
+    for event in events:
+        if event.severity is not Severity.INFO:
+            refused.setdefault(event.name, Refused(0, event.detail)).count += 1
 
 
 def _fed(message: Recorded, source: OdometrySource | None) -> Iterator[tuple[str, bytes]]:

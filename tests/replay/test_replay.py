@@ -223,6 +223,31 @@ def test_the_command_replays_a_bag_of_another_boat_whose_topics_a_file_names(
     assert told["decisions_sha256"] == only(plain, config=config).sha256
 
 
+def test_inputs_that_could_not_be_used_are_told_by_kind_with_the_first(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def damaged() -> Iterator[tuple[str, bytes, float]]:
+        for topic, payload, time_s in two_seconds():
+            yield topic, payload[:40] if time_s < 0.55 else payload, time_s
+
+    bag = foreign(tmp_path / "bag", damaged())
+    replay_command(bag, config=None, policy=None, topics=None, as_json=True)
+    (vessel,) = json.loads(capsys.readouterr().out)["vessels"]
+    assert vessel["decisions"] == 14
+    refused = vessel["refused"]["bad_message"]
+    assert refused["count"] == 12
+    assert refused["first"].startswith("odometry: nav_msgs/msg/Odometry: ends after 40")
+    replay_command(bag, config=None, policy=None, topics=None, as_json=False)
+    assert "bag: bad_message 12 times: odometry: nav_msgs" in capsys.readouterr().out
+
+
+def test_a_bag_without_odometry_says_why_nothing_was_decided(tmp_path: Path) -> None:
+    scans = (one for one in two_seconds() if one[0] == "points")
+    again = only(foreign(tmp_path / "bag", scans))
+    assert again.decisions == 0
+    assert again.refused["odometry_missing"].count == 20
+
+
 def test_a_bag_with_gps_and_imu_but_no_odometry_is_decided_on_by_the_estimate(
     tmp_path: Path,
 ) -> None:

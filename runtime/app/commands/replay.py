@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -59,6 +60,7 @@ def _as_dict(replays: list[Replay], sha256: str, same: bool) -> dict[str, object
                 "recorded_decisions": r.recorded_decisions,
                 "same": r.same,
                 "whole": r.whole,
+                "refused": {name: asdict(what) for name, what in r.refused.items()},
             }
             for r in replays
         ],
@@ -75,4 +77,7 @@ def _print(replays: list[Replay], sha256: str) -> None:
             r.vessel, str(r.decisions), str(r.recorded_decisions), r.sha256[:16] + "...", verdict
         )
     Console().print(table)
+    for r in replays:
+        for name, what in r.refused.items():
+            print(f"{r.vessel}: {name} {what.count} times" + (what.first and f": {what.first}"))
     print(f"decisions_sha256 {sha256}")

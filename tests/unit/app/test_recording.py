@@ -122,8 +122,10 @@ def test_a_mapping_to_a_topic_that_does_not_exist_is_refused_with_those_that_do(
         (lambda path: path.mkdir(), "holds no recording"),
         (lambda path: path.write_bytes(b""), "not an MCAP file"),
         (lambda path: path.write_text("hello world"), "not an MCAP file"),
+        (lambda path: path.write_text("#ROSBAG V2.0\n"), "not an MCAP file, but a ROS 1 bag"),
+        (lambda path: path.write_text("SQLite format 3\0"), "not an MCAP file, but SQLite"),
     ],
-    ids=["nothing", "empty folder", "empty file", "text"],
+    ids=["nothing", "empty folder", "empty file", "text", "ROS 1", "SQLite"],
 )
 def test_what_is_no_recording_is_refused_in_clear_words(tmp_path, make, words):
     path = tmp_path / "thing"
