@@ -74,6 +74,11 @@ def main() -> NoReturn:
     except TwinscrewError as error:
         print(f"twinscrew: error: {error}", file=sys.stderr)
         sys.exit(USAGE_ERROR)
+    except OSError as error:
+        if error.filename is None:  # of no file that anybody named
+            raise
+        print(f"twinscrew: error: {error.filename}: {error.strerror}", file=sys.stderr)
+        sys.exit(USAGE_ERROR)
     except KeyboardInterrupt:
         sys.exit(130)
     sys.exit(0)

@@ -2,10 +2,12 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from tests.harness.commands import twinscrew
 
+DATA = str(Path(__file__).parents[2] / "docs" / "data" / "ac_iqn")
 COMMANDS = ("sitl", "run", "train", "export", "evaluate", "replay", "bench", "doctor")
 HEAVY = ("torch", "matplotlib", "onnxruntime", "scipy", "zenoh", "twinscrew.hil_sim")
 
@@ -81,6 +83,8 @@ def test_wrong_usage_is_status_2_and_silent_on_standard_output(words: tuple[str,
         (("sitl", "--max-time", "nan", "--lockstep"), ["--max-time", "greater than 0"]),
         (("bench", "--only", "everything"), ["--only", "everything", "latency"]),
         (("doctor", "--config", "none.toml"), ["none.toml"]),
+        (("manifest", "keys", f"{__file__}/keys"), [f"{__file__}/keys", "Not a directory"]),
+        (("train-report", DATA, "--out", __file__), [__file__, "File exists"]),
     ],
 )
 def test_what_is_refused_is_one_line_on_standard_error_and_status_2(
