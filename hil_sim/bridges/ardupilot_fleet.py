@@ -14,6 +14,7 @@ from twinscrew.hil_sim.bridges.ardupilot_process import HOST, Instance, Process
 from twinscrew.hil_sim.bridges.backend import JsonBackend
 from twinscrew.hil_sim.bridges.datagrams import DatagramPort
 from twinscrew.hil_sim.bridges.inertial import moment
+from twinscrew.hil_sim.children import undisturbed
 from twinscrew.hil_sim.world import World
 from twinscrew.runtime.errors import LinkError
 from twinscrew.runtime.link.paddles import PaddleSettings, thrust_from_pwm
@@ -140,7 +141,8 @@ class ArduPilotFleet:
             instance.write_parameters()
         if binary:
             for instance in self._instances:
-                self._processes.append(Process(instance, Path(binary)))
+                with undisturbed():
+                    self._processes.append(Process(instance, Path(binary)))
             return
         tell("Start one ArduPilot a vessel, each in a shell of its own:")
         for instance in self._instances:

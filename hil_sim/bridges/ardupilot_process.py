@@ -9,6 +9,7 @@ from pathlib import Path
 
 from twinscrew.hil_sim.autopilot.parameters import SHIPPED
 from twinscrew.hil_sim.autopilot.telemetry import Origin
+from twinscrew.hil_sim.children import end
 from twinscrew.hil_sim.last_words import ended
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.link.parm import read_parm
@@ -105,9 +106,4 @@ class Process:
 
     def close(self) -> None:
         """Stop it, and wait for it."""
-        self._process.terminate()
-        try:
-            self._process.wait(STOP_LIMIT_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        end(self._process, STOP_LIMIT_S)

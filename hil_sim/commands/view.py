@@ -6,6 +6,7 @@ import asyncio
 import os
 import signal
 import socket
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +16,7 @@ from twinscrew.hil_sim.viewer import open_source
 from twinscrew.hil_sim.viewer.loopback import HOST, listen
 from twinscrew.hil_sim.viewer.server import serve
 from twinscrew.hil_sim.viewer.source import Source
+from twinscrew.runtime.app.tether import at_end_of_input
 from twinscrew.runtime.errors import ConfigError
 
 PORT = 8077
@@ -44,6 +46,9 @@ def view(
         Path | None, typer.Option(help="With --replay: TOML that maps a foreign bag's topics.")
     ] = None,
     port: Annotated[int, typer.Option(help="Port of the page; 0: any.", min=0, max=65535)] = PORT,
+    tethered: Annotated[
+        bool, typer.Option("--tethered", help="Stop, too, when standard input ends.")
+    ] = False,
 ) -> None:
     """Show boats in a browser on this machine: under way, or from a recording. Works offline."""
     given = [way for way in (connect, config, run, replay) if way]
@@ -63,13 +68,15 @@ def view(
         else:
             source = open_source.from_endpoint(str(connect), names, sensor)
         try:
-            asyncio.run(_until_stopped(source, taken))
+            asyncio.run(_until_stopped(source, taken, tethered=tethered))
         finally:
             source.close()
 
 
-async def _until_stopped(source: Source, port: socket.socket) -> None:
-    stop = asyncio.Event()
+async def _until_stopped(source: Source, port: socket.socket, *, tethered: bool) -> None:
+    stop, loop = asyncio.Event(), asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(number, stop.set)
+        loop.add_signal_handler(number, stop.set)
+    if tethered:
+        at_end_of_input(partial(loop.call_soon_threadsafe, stop.set))
     await serve(source, port, stop)

@@ -17,6 +17,7 @@ from typing import Self
 import msgspec
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilotSettings
+from twinscrew.hil_sim.children import undisturbed
 from twinscrew.hil_sim.drivers.lockstep import SteppedCrew
 from twinscrew.hil_sim.drivers.ports import LOOPBACK, free_port
 from twinscrew.hil_sim.drivers.runtime_process import START_LIMIT_S, STOP_LIMIT_S
@@ -170,8 +171,9 @@ class ProcessCrew(SteppedCrew):
         self._stack.callback(bus.close)
         for config in self._configs:
             mine = bus.within(config.name)
-            vessel = RemoteRuntime(config, mine, endpoint, epoch_ns=self._epoch_ns)
-            self._stack.callback(vessel.kill)
+            with undisturbed():
+                vessel = RemoteRuntime(config, mine, endpoint, epoch_ns=self._epoch_ns)
+                self._stack.callback(vessel.kill)
             self.vessels.append(vessel)
         for vessel in self.vessels:
             vessel.wait()

@@ -12,6 +12,7 @@ from typing import Self
 
 import msgspec
 
+from twinscrew.hil_sim.children import undisturbed
 from twinscrew.hil_sim.drivers.fleet import Fleet, simulated_fleet
 from twinscrew.hil_sim.drivers.ports import LOOPBACK, free_port
 from twinscrew.hil_sim.drivers.runtime_process import START_LIMIT_S, RuntimeProcess
@@ -84,7 +85,8 @@ class RealtimeCrew:
             for vessel in range(len(self._configs)):
                 self._listen_to(vessel)
                 config = self._complete(vessel, self._reroute(vessel, port))
-                self._runtimes.append(RuntimeProcess(config, self._folders[vessel]))
+                with undisturbed():
+                    self._runtimes.append(RuntimeProcess(config, self._folders[vessel]))
             self._wait_for_runtimes()
         except BaseException:
             self.close()
@@ -144,7 +146,8 @@ class RealtimeCrew:
 
     def start_again(self, vessel: int) -> None:
         """Start a runtime that was killed."""
-        self._runtimes[vessel].start_again()
+        with undisturbed():
+            self._runtimes[vessel].start_again()
 
     def signal(self, vessel: int, number: signal.Signals) -> None:
         """Send a vessel's runtime a signal."""

@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 import tomli_w
 
+from twinscrew.hil_sim.children import end
 from twinscrew.hil_sim.drivers.punctual import ordinary
 from twinscrew.hil_sim.last_words import ended
 from twinscrew.runtime.app.config import RuntimeConfig
@@ -62,6 +63,7 @@ class RuntimeProcess:
         self.down = True
         self._process.kill()
         self._process.wait()
+        self._let_go()
 
     def start_again(self) -> None:
         """Start it after it was killed."""
@@ -79,17 +81,20 @@ class RuntimeProcess:
 
     def see_off(self) -> None:
         """Wait until it has ended, and see to that."""
-        try:
-            self._process.wait(STOP_LIMIT_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        end(self._process, STOP_LIMIT_S)
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Close our end of its input."""
+        if self._process.stdin is not None:
+            self._process.stdin.close()
 
     def _started(self) -> subprocess.Popen[bytes]:
         file = str(self._folder / CONFIG_FILE)
         command = [sys.executable, "-m", "twinscrew.runtime.app", "run", "--config", file]
+        command += ["--tethered"]  # it ends with this process, whose end of its input then closes
         with (self._folder / LOG_FILE).open("ab") as log, ordinary():
-            return subprocess.Popen(command, stdout=log, stderr=log)
+            return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=log, stderr=log)
 
 
 def _without_none(values: dict[str, Any]) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from twinscrew.hil_sim.children import undisturbed
 from twinscrew.hil_sim.drivers.punctual import ordinary
 from twinscrew.hil_sim.faults.timeline import Span
 
@@ -39,10 +40,15 @@ class Watch:
         self._processes: list[subprocess.Popen[bytes]] = []
 
     def __enter__(self) -> Self:
-        for core, file in self.files.items():
-            words = [sys.executable, "-m", __name__, str(core), str(file)]
-            with ordinary():
-                self._processes.append(subprocess.Popen(words))
+        try:
+            with undisturbed():
+                for core, file in self.files.items():
+                    words = [sys.executable, "-m", __name__, str(core), str(file)]
+                    with ordinary():
+                        self._processes.append(subprocess.Popen(words))
+        except BaseException:
+            self._bury()
+            raise
         return self
 
     def __exit__(
@@ -51,6 +57,9 @@ class Watch:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        self._bury()
+
+    def _bury(self) -> None:
         for process in self._processes:
             process.kill()
             process.wait()

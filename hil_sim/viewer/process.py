@@ -5,10 +5,11 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Literal
 
+from twinscrew.hil_sim.children import end, undisturbed
 from twinscrew.runtime.errors import ConfigError
 
 STOP_LIMIT_S = 3.0
@@ -43,13 +44,11 @@ def viewer(way: Literal["run", "replay"], folder: Path, port: int) -> Iterator[V
     """
     command = [sys.executable, "-m", "twinscrew.runtime.app", "view"]
     command += [f"--{way}", str(folder), "--port", str(port)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    try:
+    command += ["--tethered"]
+    with ExitStack() as stack:
+        with undisturbed():
+            process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            )
+            stack.callback(end, process, STOP_LIMIT_S)
         yield Viewer(process)
-    finally:
-        process.terminate()
-        try:
-            process.wait(STOP_LIMIT_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()

@@ -7,10 +7,12 @@ another's libraries, and `twinscrew run` starts without torch, matplotlib or the
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable
 from importlib.metadata import EntryPoint, entry_points
 from importlib.util import find_spec
+from types import FrameType
 from typing import Any, NoReturn
 
 import typer
@@ -69,6 +71,9 @@ def main() -> NoReturn:
         cls=LazyGroup, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
     )
     app.callback(help="Autonomy runtime for twin-propeller surface vessels.")(_no_options)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:  # under nohup it is ignored
+            signal.signal(number, _end)
     try:
         app(prog_name="twinscrew")
     except TwinscrewError as error:
@@ -85,6 +90,11 @@ def main() -> NoReturn:
 
 
 def _no_options() -> None: ...
+
+
+def _end(number: int, _frame: FrameType | None) -> NoReturn:
+    """End as an exception does: what was opened is closed, and what was started is stopped."""
+    sys.exit(128 + number)
 
 
 def _installed() -> dict[str, EntryPoint]:

@@ -12,6 +12,7 @@ import typer
 
 from twinscrew.runtime.app import one_thread  # noqa: F401  (before anything loads a library)
 from twinscrew.runtime.app.approval import Approved, load_approved
+from twinscrew.runtime.app.tether import at_end_of_input
 
 
 def run(
@@ -22,12 +23,17 @@ def run(
     public_key: Annotated[
         Path | None, typer.Option(help="The minisign key that must have signed the manifest.")
     ] = None,
+    tethered: Annotated[
+        bool, typer.Option("--tethered", help="Stop, too, when standard input ends.")
+    ] = False,
 ) -> None:
     """Run one vessel's runtime until it is told to stop (SIGINT or SIGTERM)."""
     approved = load_approved(config, manifest, public_key)
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
+    if tethered:
+        at_end_of_input(stop.set)
     sail(approved, stop, source=config)
 
 
