@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
 from twinscrew.runtime.app.freshness import Freshness
 from twinscrew.runtime.app.odometry_buffer import (
     Arrival,
@@ -120,8 +118,6 @@ class Core:
         return Outcome(stamp_ns=goal.stamp_ns, events=(self.pipeline.set_goal(goal),))
 
     def _set_route(self, stamp_ns: int, places_N: Float64) -> Outcome:
-        if not np.isfinite(places_N).all():
-            raise MessageError("a place is not finite")
         return Outcome(stamp_ns=stamp_ns, events=(self.pipeline.set_route(places_N, stamp_ns),))
 
     def _add_odometry(self, odometry: Odometry) -> Outcome:
