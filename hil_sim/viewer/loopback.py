@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import re
 import socket
 from collections.abc import Awaitable, Callable
 from typing import Final
@@ -12,6 +13,8 @@ from aiohttp import web
 from twinscrew.runtime.errors import ConfigError
 
 HOST: Final = "127.0.0.1"
+LOCAL: Final = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")
+"""What a browser on this machine calls it; it leaves the port out if it is 80."""
 HEADERS: Final = {
     "Content-Security-Policy": "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
@@ -24,17 +27,14 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 @web.middleware
 async def only_from_here(request: web.Request, handler: Handler) -> web.StreamResponse:
     """Refuse what a foreign page might send from this machine's browser, and name no CDN."""
+    host = request.headers.get("Host", "")  # without one, aiohttp's own would ask the DNS
     origin = request.headers.get("Origin")
-    if not _is_local(request.host) or (origin and origin.partition("://")[2] != request.host):
+    if not LOCAL.fullmatch(host) or (origin and origin.partition("://")[2] != host):
         raise web.HTTPForbidden(text="twinscrew's view answers its own page on this machine only")
     response = await handler(request)
     if not response.prepared:
         response.headers.update(HEADERS)
     return response
-
-
-def _is_local(host: str) -> bool:
-    return host.rpartition(":")[0].strip("[]") in {"127.0.0.1", "localhost", "::1"}
 
 
 def listen(port: int) -> socket.socket:

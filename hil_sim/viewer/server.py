@@ -15,6 +15,7 @@ from typing import Final
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
+from twinscrew.hil_sim.viewer.complaints import Complaints, faults_of_ours
 from twinscrew.hil_sim.viewer.greeting import greeting
 from twinscrew.hil_sim.viewer.live import LiveSource
 from twinscrew.hil_sim.viewer.loopback import only_from_here
@@ -23,6 +24,8 @@ from twinscrew.hil_sim.viewer.source import Source
 from twinscrew.hil_sim.viewer.wire import decode_request, encode_greeting
 
 PAGE: Final = Path(__file__).parent / "page"
+FILES: Final = frozenset(path.name for path in PAGE.iterdir())
+"""All that is served."""
 PERIOD_S: Final = 0.1
 """[s] Between two frames: 10 Hz, the LiDAR's rate."""
 HEARTBEAT_S: Final = 5.0
@@ -45,7 +48,7 @@ class Server:
             [
                 web.get("/", self._index),
                 web.get("/frames", self._frames),
-                web.static("/", PAGE),
+                web.get("/{name}", self._file),
             ]
         )
         app.cleanup_ctx.append(self._keep_following)
@@ -55,11 +58,20 @@ class Server:
     async def _index(self, _: web.Request) -> web.FileResponse:
         return web.FileResponse(PAGE / "index.html")
 
+    async def _file(self, request: web.Request) -> web.FileResponse:
+        name = request.match_info["name"]
+        if name not in FILES:
+            raise web.HTTPNotFound
+        return web.FileResponse(PAGE / name)
+
     async def _frames(self, request: web.Request) -> web.WebSocketResponse:
         page = web.WebSocketResponse(
             heartbeat=HEARTBEAT_S, compress=False, max_msg_size=LONGEST_REQUEST
         )
-        await page.prepare(request)
+        try:
+            await page.prepare(request)
+        except ValueError as error:  # a key that is no ASCII
+            raise web.HTTPBadRequest(text="not a WebSocket's handshake") from error
         await self._greet(page)
         self._pages.add(page)
         player = Player(self._source)
@@ -119,7 +131,9 @@ async def _follow(source: LiveSource) -> None:
 
 async def serve(source: Source, port: socket.socket, stop: asyncio.Event) -> None:
     """Serve until told to stop."""
-    runner = web.AppRunner(Server(source).app(), access_log=None, shutdown_timeout=1.0)
+    asyncio.get_running_loop().set_exception_handler(Complaints().tell)
+    log = faults_of_ours()
+    runner = web.AppRunner(Server(source).app(), access_log=None, logger=log, shutdown_timeout=1.0)
     await runner.setup()
     try:
         await web.SockSite(runner, port).start()

@@ -57,10 +57,13 @@ def test_the_page_needs_nothing_from_elsewhere():
         assert "https://" not in text, path
 
 
-@pytest.mark.parametrize("path", ["/../server.py", "/%2e%2e/server.py", "/nothing.js"])
+@pytest.mark.parametrize(
+    "path",
+    ["/../server.py", "/%2e%2e/server.py", "/..%2fserver.py", "/nothing.js", "/" + 300 * "a"],
+)
 def test_nothing_but_the_page_is_served(source, path):
     async def visit(client):
-        assert (await client.get(path)).status in {403, 404}
+        assert (await client.get(path)).status == 404
 
     with_client(source, visit)
 
@@ -75,6 +78,25 @@ def test_a_visitor_is_greeted_and_then_gets_frames(source):
             times = [head(await page.receive_bytes())["time_s"] for _ in range(4)]
         assert times == sorted(times)
         assert times[-1] > 0
+
+    with_client(source, visit)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost:8077", "[::1]:80", "localhost"])
+def test_a_browser_on_this_machine_may_leave_out_port_80(source, host):
+    async def visit(client):
+        answer = await client.get("/", headers={"Host": host, "Origin": f"http://{host}"})
+        assert answer.status == 200
+
+    with_client(source, visit)
+
+
+def test_a_handshake_that_is_none_is_refused_as_such(source):
+    upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
+
+    async def visit(client):
+        answer = await client.get("/frames", headers={**upgrade, "Sec-WebSocket-Key": "\u00e4"})
+        assert answer.status == 400
 
     with_client(source, visit)
 
