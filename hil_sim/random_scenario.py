@@ -14,7 +14,9 @@ from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import Count, NonNegative, Settings
 
-Interval = tuple[float, float]
+Coordinate = Annotated[float, Meta(ge=-1e7, le=1e7)]
+"""[m] North or east of the origin; beyond a quarter of the earth nobody believes an odometry."""
+Interval = tuple[Coordinate, Coordinate]
 
 CANDIDATES = 512
 """[-] Tries for one vessel or buoy before everything is drawn afresh."""

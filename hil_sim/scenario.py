@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from twinscrew.hil_sim import random_scenario
-from twinscrew.hil_sim.random_scenario import RandomSettings
+from twinscrew.hil_sim.random_scenario import Coordinate, RandomSettings
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import NonNegative, Positive, Settings, load, shipped
 
-Point = tuple[float, float]
+Point = tuple[Coordinate, Coordinate]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,11 +134,19 @@ def _make(
 ) -> Scenario:
     if (file.random is None) == (not file.vessel):
         raise ConfigError("give either [random], or at least one [[vessel]]")
+    _require_sea(file.sea)
     if file.random is None:
         _require_count("vessels", vessels, len(file.vessel))
         _require_count("buoys", buoys, len(file.buoy))
         return _written(name, file)
     return _random(name, file, file.random, vessels, buoys, seed)
+
+
+def _require_sea(sea: str) -> None:
+    try:
+        shipped("sea", sea)
+    except ConfigError as error:
+        raise ConfigError(str(error), key="sea") from error
 
 
 def _require_count(what: str, asked: int | None, there: int) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack, suppress
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -19,8 +20,8 @@ from twinscrew.hil_sim.scenario import Scenario, load_scenario
 from twinscrew.hil_sim.sitl_settings import AutopilotKind, OdometrySource, SitlSettings
 from twinscrew.hil_sim.summary import write_summary
 from twinscrew.hil_sim.viewer.process import viewer
-from twinscrew.hil_sim.viewer.scene import write_scene
-from twinscrew.runtime.errors import ConfigError
+from twinscrew.hil_sim.viewer.scene import SCENE_FILE, write_scene
+from twinscrew.runtime.errors import ConfigError, TwinscrewError
 
 NOT_ALL_ARRIVED = 1
 
@@ -88,8 +89,6 @@ def sitl(
     set-up error.
     """
     made = _with_limit(load_scenario(scenario, vessels, buoys, seed), max_time)
-    folder = _new_folder(out)
-    write_scene(folder, made)
     if ardupilot_binary is not None and autopilot is not AutopilotKind.ARDUPILOT:
         raise ConfigError("only with --autopilot ardupilot", key="--ardupilot-binary")
     settings = SitlSettings(
@@ -107,10 +106,13 @@ def sitl(
         ground=ground,
     )
     console = Console(stderr=True)
-    if not as_json:
-        pace = "in step" if lockstep else "in real time"
-        console.print(f"{made.vessels} vessels, {made.name}, seed {seed}, policy {policy}, {pace}")
     with ExitStack() as stack:
+        folder = stack.enter_context(_new_folder(out))
+        write_scene(folder, made)
+        if not as_json:
+            pace = "in step" if lockstep else "in real time"
+            many = f"{made.vessels} vessel{'s' if made.vessels > 1 else ''}"
+            console.print(f"{many}, {made.name}, seed {seed}, policy {policy}, {pace}")
         if view and not lockstep:
             shown = stack.enter_context(viewer("run", folder, port))
             console.print(f"live view: [bold]{shown.url}[/bold]")
@@ -132,15 +134,25 @@ def _with_limit(scenario: Scenario, max_time: float | None) -> Scenario:
     return replace(scenario, time_limit_s=max_time)
 
 
-def _new_folder(out: Path | None) -> Path:
+@contextmanager
+def _new_folder(out: Path | None) -> Iterator[Path]:
+    """Give the run's folder; if the run is refused it is left as it was, for the next try."""
     folder = out or Path("runs") / datetime.now(UTC).strftime("%Y%m%d-%H%M%S-%f")
+    there = folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         if any(folder.iterdir()):
             raise ConfigError("the folder is not empty; a run needs a new one", file=folder)
     except OSError as error:
         raise ConfigError(error.strerror or str(error), file=folder) from error
-    return folder
+    try:
+        yield folder
+    except TwinscrewError:
+        if [path.name for path in folder.iterdir()] == [SCENE_FILE]:
+            (folder / SCENE_FILE).unlink()
+            if not there:
+                folder.rmdir()
+        raise
 
 
 def _show(folder: Path, port: int, console: Console) -> None:

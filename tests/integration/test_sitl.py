@@ -107,12 +107,27 @@ def test_a_policy_that_does_not_exist_is_refused(tmp_path: Path) -> None:
     assert "apf, mpc" in done.stderr
 
 
+@pytest.mark.parametrize("there", [False, True])
+def test_a_run_that_was_refused_leaves_the_folder_as_it_was_for_the_next_try(
+    tmp_path: Path, there: bool
+) -> None:
+    out = tmp_path / "run"
+    if there:
+        out.mkdir()
+    assert lockstep(out, "--policy", "clairvoyant").returncode == 2
+    assert out.exists() == there
+    again = lockstep(out, "--vessels", 1, "--max-time", 0.5)
+    assert again.returncode == 1, again.stderr
+    assert (out / "scene.json").is_file()
+
+
 def test_without_json_there_is_a_table(tmp_path: Path) -> None:
     words = ("--lockstep", "--vessels", 1, "--max-time", 1, "--out", tmp_path / "run")
     done = twinscrew("sitl", *words, COLUMNS="160")
     assert done.returncode == 1
     for word in ("wamv1", "timeout", "closest approach", "latency p99"):
         assert word in done.stdout
+    assert done.stderr.startswith("1 vessel, random, seed 0")
 
 
 def test_in_real_time_every_vessel_has_a_process_of_its_own(tmp_path: Path) -> None:

@@ -108,6 +108,13 @@ def test_a_written_scenario_is_read_as_written(tmp_path: Path) -> None:
         (VESSEL + "colour = 1\n", "colour"),
         ("time_limit_s = -1\n" + VESSEL, "time_limit_s"),
         ("[[vessel]]\nstart_m = [1]\nheading_deg = 0\ngoal_m = [3, 4]\n", "start_m"),
+        (VESSEL.replace("[1, 2]", "[1e8, 2]"), r"start_m\[0\]: .*<= 10000000\.0, got"),
+        (
+            VESSEL + "[[quay]]\ncentre_m = [0, -1e300]\nsize_m = [1, 1, 1]\n",
+            r"centre_m\[1\]: .*>= -10000000\.0",
+        ),
+        ("[random]\nvessel_area_m = [-1e9, 1e9]\n", r"vessel_area_m\[0\]: .*>= -10"),
+        ("sea = 'stormy'\n" + VESSEL, "sea: .*'stormy' is not one of 'calm', 'paper', 'rough'"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_refused_by_name(
