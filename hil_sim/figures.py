@@ -24,6 +24,8 @@ HULL_LENGTH_M = 5.0
 HULL_WIDTH_M = 2.5
 SNAPSHOT_S = 4.0
 """[s] Between two outlines of a vessel."""
+MARGIN_M = 3.0
+"""[m] Around what is shown."""
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 """Okabe and Ito's: told apart by colour-blind people too."""
 
@@ -37,6 +39,32 @@ def outline(north: float, east: float, heading: float) -> Float64:
     return np.column_stack(
         [east + s * forward + c * starboard, north + c * forward - s * starboard]
     )
+
+
+def shown(scenario: Scenario, rows: Float64) -> tuple[Float64, Float64]:
+    """Give the corners of a picture, (north, east) [m]: the map, and whatever leaves it.
+
+    A run that never was on the map is shown without it.
+
+    Parameters
+    ----------
+    scenario
+        The episode's beginning.
+    rows : (T, V, 7) float64
+        Where the vessels were, as `TrajectoryLog.rows`.
+
+    Returns
+    -------
+    low, high : (2,) float64
+        The south-western corner and the north-eastern one.
+    """
+    size = np.array(scenario.map_size)
+    places = np.concatenate(
+        [scenario.starts[:, :2], scenario.goals, rows[..., :2].reshape(-1, 2)], dtype=np.float64
+    )
+    if ((places >= 0.0) & (places <= size)).all(axis=1).any():
+        places = np.vstack([places, np.zeros(2), size])
+    return places.min(axis=0) - MARGIN_M, places.max(axis=0) + MARGIN_M
 
 
 def draw_trajectories(
@@ -65,8 +93,8 @@ def draw_trajectories(
     figure = Figure(figsize=(8.5, 8.0), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    _draw_map(axes, scenario)
     times, rows = log.times, log.rows
+    _draw_map(axes, scenario, *shown(scenario, rows))
     for i, name in enumerate(scenario.names):
         colour = COLOURS[i % len(COLOURS)]
         until = times <= travel_s[i] + 1e-6
@@ -79,17 +107,16 @@ def draw_trajectories(
     figure.savefig(path)
 
 
-def _draw_map(axes: Axes, scenario: Scenario) -> None:
+def _draw_map(axes: Axes, scenario: Scenario, low: Float64, high: Float64) -> None:
     from matplotlib.patches import Circle
 
     for north, east, radius in scenario.buoys:
         axes.add_patch(Circle((east, north), radius, color="0.25", zorder=3))
     for quay in scenario.quays:
         axes.add_patch(_quay(quay))
-    north_m, east_m = scenario.map_size
     axes.set(
-        xlim=(-3, east_m + 3),
-        ylim=(-3, north_m + 3),
+        xlim=(low[1], high[1]),
+        ylim=(low[0], high[0]),
         xlabel="east [m]",
         ylabel="north [m]",
         title=f"{scenario.name}: dots are starts, stars goals, numbers seconds",

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ from twinscrew.hil_sim.figures import (
     SNAPSHOT_S,
     draw_trajectories,
     outline,
+    shown,
 )
-from twinscrew.hil_sim.scenario import load_scenario
+from twinscrew.hil_sim.scenario import Scenario, load_scenario
 from twinscrew.hil_sim.trajectory import TrajectoryLog
 
 
@@ -58,6 +60,50 @@ def test_every_kind_of_scenario_can_be_drawn(tmp_path: Path, name: str) -> None:
     picture = drawn(tmp_path, name, 60)
     assert picture.shape[0] > 500
     assert len(np.unique(picture.reshape(-1, picture.shape[2]), axis=0)) > 20
+
+
+def elsewhere(scenario: Scenario, shift_m: tuple[float, float]) -> Scenario:
+    starts, goals = scenario.starts.copy(), scenario.goals + shift_m
+    starts[:, :2] += shift_m
+    return replace(scenario, starts=starts, goals=goals)
+
+
+def framed(scenario: Scenario, *way_N: tuple[float, float]) -> tuple[list[float], list[float]]:
+    rows = np.zeros((len(way_N), scenario.vessels, 7))
+    rows[:, :, :2] = np.reshape(way_N, (-1, 1, 2))
+    low, high = shown(scenario, rows)
+    return low.tolist(), high.tolist()
+
+
+def test_a_picture_shows_the_map_and_whatever_leaves_it() -> None:
+    scenario = load_scenario("head_on")
+    assert framed(scenario, (20.0, 20.0)) == ([-3.0, -3.0], [58.0, 58.0])
+    assert framed(scenario, (20.0, 20.0), (-7.0, 70.0)) == ([-10.0, -3.0], [58.0, 73.0])
+
+
+@pytest.mark.parametrize("shift_m", [(-200.0, -200.0), (1e5, -2e5)])
+def test_a_picture_of_a_run_elsewhere_shows_the_run_and_not_the_map(
+    shift_m: tuple[float, float],
+) -> None:
+    scenario = elsewhere(load_scenario("head_on"), shift_m)
+    low, high = framed(scenario, tuple(scenario.starts[0, :2]))
+    assert np.subtract(low, shift_m).tolist() == [1.0, 24.5]
+    assert np.subtract(high, shift_m).tolist() == [54.0, 30.5]
+
+
+def test_a_run_far_from_the_origin_is_drawn_where_it_was(tmp_path: Path) -> None:
+    pictures = []
+    for shift_m in ((0.0, 0.0), (1e5, -2e5)):
+        scenario, log = elsewhere(load_scenario("head_on"), shift_m), TrajectoryLog()
+        for k in range(100):
+            pose = scenario.starts.copy()
+            pose[:, :2] += 0.01 * k * (scenario.goals - scenario.starts[:, :2])
+            log.add(0.1 * k, pose, np.zeros((2, 2)), np.zeros((2, 2)))
+        path = tmp_path / "run.png"
+        draw_trajectories(path, scenario, log, ["goal", "goal"], [10.0, 10.0])
+        picture = imread(path)[..., :3]
+        pictures.append(float(np.mean(np.ptp(picture, axis=2) > 0.1)))  # how much is coloured
+    assert pictures[1] > 0.8 * pictures[0]
 
 
 def test_a_run_that_ended_at_once_can_be_drawn_and_a_longer_one_shows_more(
