@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import onnxruntime as ort
 import torch
 from torch import Tensor
 
 from twinscrew.export.onnx_file import INPUTS, OUTPUT, DeployedPolicy, example_inputs
 from twinscrew.runtime.errors import PolicyError
+from twinscrew.runtime.policy.onnx_runtime import ort
 from twinscrew.training.environment import EnvironmentSettings, VectorEnv
 from twinscrew.training.observations import Observations
 from twinscrew.training.scenarios import ScenarioSettings

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-import onnxruntime as ort
 from numpy.typing import NDArray
 
 from twinscrew.runtime.errors import ConfigError, PolicyError
@@ -16,6 +15,7 @@ from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.policy.metadata import OUTPUT_NAME, OUTPUT_SHAPE
 from twinscrew.runtime.policy.onnx import AS_SHIPPED, OnnxPolicy, risk_feed
+from twinscrew.runtime.policy.onnx_runtime import ort
 from twinscrew.runtime.policy.risk import RiskSettings, adaptive_level
 from twinscrew.runtime.settings import shipped
 from twinscrew.training.perception import Observations

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnxruntime as ort
 
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.messages.types import Float32, Float64, Observation
@@ -21,6 +20,7 @@ from twinscrew.runtime.policy.metadata import (
     read_metadata,
 )
 from twinscrew.runtime.policy.observation import require_finite
+from twinscrew.runtime.policy.onnx_runtime import ort
 from twinscrew.runtime.policy.onnx_walk import refuse_foreign_parts
 from twinscrew.runtime.policy.risk import RiskSettings, adaptive_level
 
