@@ -116,14 +116,15 @@ def _print(console: Console, name: str, values: Any) -> None:
 
 def _rows(values: Any) -> dict[str, dict[str, dict[str, Any]]] | None:
     """Bring nested figures into tables: title -> row -> column -> figure."""
-    depth = _depth(values)
-    if depth == 0:
+    if not isinstance(values, dict):
         return None
-    if depth == 1:
-        return {"": {"": values}}
-    if depth == 2:
-        return {"": values}
-    return {title: rows for title, rows in values.items() if _depth(rows) == 2}
+    figures, rows, tables = (
+        {name: value for name, value in values.items() if _depth(value) == depth}
+        for depth in range(3)
+    )
+    first = {"": rows} if rows else {}
+    overall = {"overall" if rows else "": {"": figures}} if figures else {}
+    return first | overall | tables
 
 
 def _depth(values: Any) -> int:
