@@ -133,6 +133,8 @@ def main() -> None:
     """Be the other process, until the simulator is gone."""
     if PUNCTUAL in sys.argv:
         be_punctual()
+    # A terminal's Ctrl-C is for the simulator, whose end is the end of the line.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     line = socket.socket(fileno=int(sys.argv[1]))
     autopilot: RoverAutopilot | None = None
     while data := line.recv(_LARGEST):

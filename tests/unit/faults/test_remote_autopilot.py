@@ -33,12 +33,24 @@ class Bench:
         self.tick((0.0, 0.0) if not self.link.status.engaged else (300.0, 200.0))
         return bool(self.autopilot.thrust_command_N().all())
 
+    def is_answered(self) -> bool:
+        before = self.autopilot.bridge
+        self.tick()
+        return self.autopilot.bridge is not before
+
 
 @pytest.fixture
 def bench() -> Iterator[Bench]:
     made = Bench()
     yield made
     made.autopilot.close()
+
+
+def test_ctrl_c_in_the_simulators_terminal_is_not_for_it(bench: Bench) -> None:
+    wait_until(bench.drives)
+    bench.autopilot.signal(signal.SIGINT)
+    for _ in range(5):  # the first may have been on its way
+        wait_until(bench.is_answered)
 
 
 def test_it_arms_drives_and_shows_its_mode(bench: Bench) -> None:
