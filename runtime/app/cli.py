@@ -7,6 +7,7 @@ another's libraries, and `twinscrew run` starts without torch, matplotlib or the
 
 from __future__ import annotations
 
+import errno
 import signal
 import sys
 from collections.abc import Callable
@@ -18,10 +19,14 @@ from typing import Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
+from twinscrew.runtime.app.output import bear_any_text, flush
 from twinscrew.runtime.errors import TwinscrewError
 
 GROUP = "twinscrew.commands"
 USAGE_ERROR = 2
+READER_GONE = 1
+FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+"""What the system says when nothing more can be written; it does not say where."""
 SUMMARIES = {
     "sitl": "Sail simulated vessels with the real runtime, sensors to thrust.",
     "faults": "Make faults on purpose, and hold the boat to what was promised.",
@@ -74,15 +79,22 @@ def main() -> NoReturn:
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_DFL:  # under nohup it is ignored
             signal.signal(number, _end)
+    bear_any_text()
     try:
-        app(prog_name="twinscrew")
+        try:
+            app(prog_name="twinscrew")
+        finally:
+            flush()
     except TwinscrewError as error:
         print(f"twinscrew: error: {error}", file=sys.stderr)
         sys.exit(USAGE_ERROR)
     except OSError as error:
-        if error.filename is None:  # of no file that anybody named
+        if error.errno == errno.EPIPE:  # as `| head` does when it has seen enough
+            sys.exit(READER_GONE)
+        if error.filename is None and error.errno not in FULL:  # of no file that anybody named
             raise
-        print(f"twinscrew: error: {error.filename}: {error.strerror}", file=sys.stderr)
+        where = error.filename or "what was being written is incomplete"
+        print(f"twinscrew: error: {where}: {error.strerror}", file=sys.stderr)
         sys.exit(USAGE_ERROR)
     except KeyboardInterrupt:
         sys.exit(130)

@@ -1,11 +1,13 @@
 """The command line's manners: what it lists, refuses and loads."""
 
+import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from tests.harness.commands import twinscrew
+from tests.harness.commands import TWINSCREW, twinscrew
 
 DATA = str(Path(__file__).parents[2] / "docs" / "data" / "ac_iqn")
 COMMANDS = ("sitl", "run", "train", "export", "evaluate", "replay", "bench", "doctor")
@@ -97,3 +99,43 @@ def test_what_is_refused_is_one_line_on_standard_error_and_status_2(
     assert line.startswith("twinscrew: error: ")
     for word in told:
         assert word in line
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("words", [("--help",), ("doctor", "--json")])
+def test_output_that_cannot_be_written_is_one_line_and_status_2(
+    words: tuple[str, ...], unbuffered: str
+) -> None:
+    environment = os.environ | {"PYTHONUNBUFFERED": unbuffered}
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [*TWINSCREW, *words], stdout=full, stderr=subprocess.PIPE, text=True, env=environment
+        )
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == [
+        "twinscrew: error: what was being written is incomplete: No space left on device"
+    ]
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_has_gone_is_no_complaint(unbuffered: str) -> None:
+    ours, theirs = os.pipe()
+    os.close(ours)
+    environment = os.environ | {"PYTHONUNBUFFERED": unbuffered}
+    done = subprocess.run(
+        [*TWINSCREW, "doctor", "--json"], stdout=theirs, stderr=subprocess.PIPE, env=environment
+    )
+    os.close(theirs)
+    assert (done.returncode, done.stderr) == (1, b"")
+
+
+def test_a_terminal_without_our_letters_gets_others_in_their_place() -> None:
+    done = twinscrew("doctor", PYTHONIOENCODING="ascii", COLUMNS="60")
+    assert done.stderr == ""
+    assert "Python" in done.stdout
+    assert done.stdout.isascii()
+
+
+def test_a_program_whose_output_is_closed_does_its_work() -> None:
+    closed = f"exec {shlex.join([*TWINSCREW, '--help'])} >&-"
+    assert subprocess.run(["bash", "-c", closed], stderr=subprocess.PIPE).stderr == b""
