@@ -167,6 +167,22 @@ def test_it_connects_and_draws_both_vessels_on_the_water(page, viewer):
     assert "m/s" in page.locator(".card .speed").first.inner_text()
 
 
+def test_a_run_far_from_the_origin_is_shown_as_near_as_any_other(page, tmp_path):
+    near = load_scenario("crossing")
+    shift_m = np.array([1e5, -2e5])
+    starts = near.starts + np.array([*shift_m, 0.0])
+    far = replace(near, starts=starts, goals=near.goals + shift_m, time_limit_s=3.0)
+    sail(far, SitlSettings(lockstep=True), tmp_path)
+    write_scene(tmp_path, far)
+    viewer = Viewer("--replay", str(tmp_path))
+    try:
+        visit(page, viewer)
+        for vessel in ("v0", "v1"):
+            assert colours(page).get(style_colour(page, vessel), 0) > 50
+    finally:
+        viewer.stop()
+
+
 def test_it_needs_nothing_but_its_own_server_and_complains_of_nothing(page, viewer):
     visit(page, viewer)
     page.keyboard.press("1")

@@ -33,12 +33,15 @@ function fit() {
   follow(null);
   const { scene, names } = model.greeting;
   const places = model.vessels.flatMap(({ pose, goal }) => [pose, goal]).filter(Boolean);
-  if (scene.map_size_m) places.push([0, 0], scene.map_size_m);
   for (const name of model.isLive ? [] : names) {
     places.push(...(model.trails.get(name) ?? []).map(([, north, east]) => [north, east]));
   }
-  camera.fit(places, MARGIN_M);
+  // A run that is nowhere on the map, far from the origin, would be a dot beside it.
+  const [mapNorth, mapEast] = scene.map_size_m ?? [-1, -1];
+  const onMap = ([north, east]) => north >= 0 && north <= mapNorth && east >= 0 && east <= mapEast;
   fitted = places.length > 0;
+  if (scene.map_size_m && (!fitted || places.some(onMap))) places.push([0, 0], scene.map_size_m);
+  camera.fit(places, MARGIN_M);
   chart.draw();
 }
 
