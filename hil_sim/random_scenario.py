@@ -12,11 +12,15 @@ from numpy.typing import NDArray
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64
-from twinscrew.runtime.settings import Count, NonNegative, Settings
+from twinscrew.runtime.settings import NonNegative, Settings
 
 Coordinate = Annotated[float, Meta(ge=-1e7, le=1e7)]
 """[m] North or east of the origin; beyond a quarter of the earth nobody believes an odometry."""
 Interval = tuple[Coordinate, Coordinate]
+
+Vessels = Annotated[int, Meta(ge=1, le=20)]
+Buoys = Annotated[int, Meta(ge=0, le=50)]
+"""[-] As many as `sitl` takes; of very many, no layout is found in any bearable time."""
 
 CANDIDATES = 512
 """[-] Tries for one vessel or buoy before everything is drawn afresh."""
@@ -27,9 +31,9 @@ LAYOUTS = 100
 class RandomSettings(Settings, frozen=True, kw_only=True):
     """How scenarios are drawn. The defaults are the paper's, or else its public code's."""
 
-    vessels: Count = 3
+    vessels: Vessels = 3
     """[-] How many vessels, unless asked for otherwise."""
-    buoys: Annotated[int, Meta(ge=0)] = 0
+    buoys: Buoys = 0
     """[-] How many buoys, unless asked for otherwise."""
     vessel_area_m: Interval = (2.0, 53.0)
     """[m] Starts and goals lie between these, north and east."""

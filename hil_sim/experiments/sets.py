@@ -8,9 +8,10 @@ from typing import Annotated, ClassVar
 import msgspec
 from msgspec import Meta
 
+from twinscrew.hil_sim.random_scenario import Buoys, Vessels
 from twinscrew.hil_sim.scenario import Scenario, load_scenario
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.settings import Count, Settings, load, shipped
+from twinscrew.runtime.settings import Settings, load, shipped
 
 Name = Annotated[str, Meta(min_length=1)]
 
@@ -22,9 +23,9 @@ class SetSettings(Settings, frozen=True, kw_only=True):
     """What tables call it."""
     scenario: str = "random"
     """A name in config/scenarios, or a file."""
-    vessels: Count | None = None
+    vessels: Vessels | None = None
     """[-] None: the scenario says it."""
-    buoys: Annotated[int, Meta(ge=0)] | None = None
+    buoys: Buoys | None = None
     """[-] None: the scenario says it."""
 
     def draw(self, seed: int) -> Scenario:

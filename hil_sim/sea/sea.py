@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from twinscrew.hil_sim.sea import waves
@@ -11,6 +14,8 @@ from twinscrew.hil_sim.sea.wind import Wind, WindSettings
 from twinscrew.runtime.settings import Settings
 
 Array = NDArray[np.float64]
+Current = Annotated[float, Meta(ge=-20.0, le=20.0)]
+"""[m/s] North or east; the fastest tidal streams run at 10."""
 
 
 class SeaSettings(Settings, frozen=True):
@@ -18,7 +23,7 @@ class SeaSettings(Settings, frozen=True):
 
     waves: WaveSettings = WaveSettings()
     wind: WindSettings = WindSettings()
-    current_mps: tuple[float, float] = (0.0, 0.0)
+    current_mps: tuple[Current, Current] = (0.0, 0.0)
     """[m/s] [N] Velocity of the water over ground: steady, the same everywhere."""
 
 

@@ -7,14 +7,18 @@ the same however often, and in whatever order, it is asked for.
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
-from twinscrew.runtime.settings import NonNegative, Positive, Settings
+from twinscrew.runtime.settings import Positive, Settings
 
 Array = NDArray[np.float64]
 
+Speed = Annotated[float, Meta(ge=0.0, le=150.0)]
+"""[m/s] No storm on earth blows harder; in far more, no vessel's motion can be computed."""
 GRID_S = 0.05
 """[s] Spacing of the gusts' grid: VRX's physics step."""
 BLOCK = 4096
@@ -24,11 +28,11 @@ BLOCK = 4096
 class WindSettings(Settings, frozen=True):
     """How the wind blows."""
 
-    mean_mps: NonNegative = 10.0
+    mean_mps: Speed = 10.0
     """[m/s] Mean speed over ground (paper, sec. VI)."""
     from_deg: float = 90.0
     """[deg] [N] Where it blows from, clockwise from north, as seamen say it."""
-    gust_mps: NonNegative = 0.0
+    gust_mps: Speed = 0.0
     """[m/s] Standard deviation of the gusts; VRX calls it the gain."""
     gust_time_constant_s: Positive = 2.0
     """[s] Time constant of the gusts."""

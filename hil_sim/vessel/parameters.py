@@ -24,6 +24,10 @@ Positives = tuple[NonNegative, NonNegative, NonNegative]
 SixMagnitudes = tuple[NonNegative, NonNegative, NonNegative, NonNegative, NonNegative, NonNegative]
 
 
+Size = Annotated[float, Meta(gt=0.0, le=500.0)]
+"""[m] Of a vessel; none is longer."""
+
+
 class Part(Settings, frozen=True):
     """One rigid part."""
 
@@ -44,9 +48,9 @@ class Part(Settings, frozen=True):
 class Buoyancy(Settings, frozen=True):
     """Hulls as half-immersed cylinders whose lift acts at points."""
 
-    hull_length_m: Positive
+    hull_length_m: Size
     """[m] of each hull."""
-    hull_radius_m: Positive
+    hull_radius_m: Size
     """[m] A point immersed deeper than this carries no more."""
     points_per_hull: Count
     """[-] Each point carries the hull's length divided by this."""

@@ -24,6 +24,7 @@ def test_a_set_draws_what_it_says() -> None:
     [
         ("", "set"),
         ('[[set]]\nname = "a"\n[[set]]\nname = "a"\n', "same name"),
+        ('[[set]]\nname = "a"\nbuoys = 1000000000000\n', r"buoys: .*<= 50"),
         ('[[set]]\nname = "a"\nboats = 3\n', "unknown key"),
         ('[[set]]\nname = "a"\nscenario = "no_such"\n', "set 'a'.*no_such"),
         ('[[set]]\nname = "a"\nvessels = 20\nbuoys = 50\n', "set 'a'.*no place found"),

@@ -104,6 +104,8 @@ def test_a_written_scenario_is_read_as_written(tmp_path: Path) -> None:
         ("[random]\n" + VESSEL, r"either \[random\]"),
         ("[random]\n[[buoy]]\ncentre_m = [1, 1]\n", r"remove \[\[buoy\]\]"),
         ("[random]\nvessels = 0\n", "vessels"),
+        ("[random]\nvessels = 500\n", r"random\.vessels: .*<= 20"),
+        ("[random]\nbuoys = 1000000000000\n", r"random\.buoys: .*<= 50"),
         ("[random]\nvessel = 3\n", r"random\.vessel: unknown key"),
         (VESSEL + "colour = 1\n", "colour"),
         ("time_limit_s = -1\n" + VESSEL, "time_limit_s"),

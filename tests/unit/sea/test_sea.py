@@ -8,7 +8,7 @@ from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
 from twinscrew.hil_sim.sea.waves import WaveSettings
 from twinscrew.hil_sim.sea.wind import WindSettings
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.settings import load, shipped
+from twinscrew.runtime.settings import convert, load, shipped
 
 
 def preset(name: str) -> SeaSettings:
@@ -75,3 +75,16 @@ def test_the_table_for_the_native_step_holds_the_same_waves():
 def test_an_unknown_sea_is_refused_with_the_known_ones():
     with pytest.raises(ConfigError, match="'calm', 'paper', 'rough'"):
         preset("red")
+
+
+@pytest.mark.parametrize(
+    ("key", "values"),
+    [
+        ("wind.mean_mps", {"wind": {"mean_mps": 1e9}}),
+        ("wind.gust_mps", {"wind": {"gust_mps": 151.0}}),
+        ("current_mps", {"current_mps": [0.0, -21.0]}),
+    ],
+)
+def test_a_storm_or_a_stream_that_is_nowhere_on_earth_is_refused_by_key(key, values):
+    with pytest.raises(ConfigError, match=key):
+        convert(values, SeaSettings)

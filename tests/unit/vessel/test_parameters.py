@@ -63,3 +63,10 @@ def test_a_vessel_that_sinks_is_refused(tmp_path):
 def test_an_unknown_vessel_is_refused_with_the_known_ones():
     with pytest.raises(ConfigError, match="wam_v"):
         load_vessel("titanic")
+
+
+@pytest.mark.parametrize("line", ["hull_length_m = 4.9", "hull_radius_m = 0.213"])
+def test_a_hull_longer_than_any_ship_is_refused_by_key(tmp_path: Path, line: str) -> None:
+    key = line.partition(" ")[0]
+    with pytest.raises(ConfigError, match=rf"buoyancy\.{key}: .*<= 500"):
+        load_vessel(changed(tmp_path, line, f"{key} = 1e300"))
