@@ -11,6 +11,7 @@ from typing import Annotated
 import torch
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from twinscrew.export.card import scores, write_card
 from twinscrew.export.onnx_file import (
@@ -69,7 +70,7 @@ def export(
     write_atomically(onnx_bytes(deployed, metadata), out)
     parity = check_parity(deployed, out)
     console.print(
-        f"{out}: {parity.max_difference_n_per_s:.2g} N/s from the network over "
+        f"{escape(str(out))}: {parity.max_difference_n_per_s:.2g} N/s from the network over "
         f"{parity.observations} observations, {parity.decision_ms:.3f} ms a decision"
     )
     with console.status(f"{episodes} episodes in each of the six settings"):

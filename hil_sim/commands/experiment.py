@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from twinscrew.hil_sim.commands.experiment_answer import tell
@@ -183,9 +184,8 @@ def _rerun(text: str, out: Path | None, *, as_json: bool) -> None:
         )
     else:
         verdict = "[green]the same, bit for bit[/green]" if result.same else "[red]differs[/red]"
-        Console().print(
-            f"{now.method}, {now.set}, episode {now.episode}, seed {now.seed}: {verdict}"
-        )
-        Console().print(f"[bold]{out}[/bold]: <vessel>/recording, trajectories.png")
+        what = escape(f"{now.method}, {now.set}, episode {now.episode}, seed {now.seed}")
+        Console().print(f"{what}: {verdict}")
+        Console().print(f"[bold]{escape(str(out))}[/bold]: <vessel>/recording, trajectories.png")
     if not result.same:
         raise typer.Exit(NOT_THE_SAME)

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from twinscrew.hil_sim.experiments.results import results_sha256
@@ -36,7 +37,9 @@ def tell(finished: Finished, folder: Path, wall_s: float, *, as_json: bool) -> N
     console = Console()
     console.print(_table(cells))
     console.print(f"{sailed} episodes sailed in {wall_s:.0f} s, {finished.kept} were there before")
-    console.print(f"results {digest[:16]}...; [bold]twinscrew report {folder}[/bold] tells more")
+    console.print(
+        f"results {digest[:16]}...; [bold]twinscrew report {escape(str(folder))}[/bold] tells more"
+    )
 
 
 def _table(cells: list[Cell]) -> Table:
@@ -45,8 +48,8 @@ def _table(cells: list[Cell]) -> Table:
         low, high = one.wilson95
         mean, least, most = one.travel_time_s
         table.add_row(
-            one.set,
-            one.method,
+            escape(one.set),
+            escape(one.method),
             one.variant,
             f"{one.successes}/{one.episodes}",
             f"{low:.0%} .. {high:.0%}",

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from twinscrew.hil_sim.report.material import gather
 from twinscrew.hil_sim.report.write import FIGURES, write_report
@@ -29,11 +30,11 @@ def report(
         path = write_report(
             material,
             failures,
-            lambda what: status.update(f"sailing again: {what}"),
+            lambda what: status.update(f"sailing again: {escape(what)}"),
             trajectories=trajectories,
         )
     if as_json:
         figures = sorted(str(file) for file in (folder / FIGURES).glob("*.png"))
         print(json.dumps({"report": str(path), "figures": figures}))
     else:
-        Console().print(f"[bold]{path}[/bold]")
+        Console().print(f"[bold]{escape(str(path))}[/bold]")

@@ -12,6 +12,7 @@ from typing import Annotated
 import msgspec
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotSettings
 from twinscrew.hil_sim.commands.sitl_answer import tell
@@ -112,7 +113,9 @@ def sitl(
         if not as_json:
             pace = "in step" if lockstep else "in real time"
             many = f"{made.vessels} vessel{'s' if made.vessels > 1 else ''}"
-            console.print(f"{many}, {made.name}, seed {seed}, policy {policy}, {pace}")
+            console.print(
+                f"{many}, {escape(made.name)}, seed {seed}, policy {escape(policy)}, {pace}"
+            )
         if view and not lockstep:
             shown = stack.enter_context(viewer("run", folder, port))
             console.print(f"live view: [bold]{shown.url}[/bold]")

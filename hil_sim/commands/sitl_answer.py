@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 
 from twinscrew.hil_sim.faults.table import as_table as faults_table
 from twinscrew.hil_sim.sitl_report import SitlReport
@@ -23,4 +24,6 @@ def tell(report: SitlReport, folder: Path, *, as_json: bool) -> None:
         names, found = zip(*report.verdicts, strict=True)
         console.print(faults_table(found, names=names))
     console.print(f"{report.real_time_factor:.1f} x real time; decisions {report.sha256[:16]}...")
-    console.print(f"[bold]{folder}[/bold]: summary.json, trajectories.png, <vessel>/recording")
+    console.print(
+        f"[bold]{escape(str(folder))}[/bold]: summary.json, trajectories.png, <vessel>/recording"
+    )

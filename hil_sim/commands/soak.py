@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from twinscrew.hil_sim.soak.findings import Finding, findings
@@ -54,7 +55,7 @@ def soak(
         print(json.dumps(report))
     else:
         Console().print(_table(found))
-        Console().print(f"[bold]{folder}[/bold]: report.md, report.json, memory.png")
+        Console().print(f"[bold]{escape(str(folder))}[/bold]: report.md, report.json, memory.png")
     if not report["fine"]:
         raise typer.Exit(NOT_FINE)
 

@@ -139,3 +139,18 @@ def test_a_terminal_without_our_letters_gets_others_in_their_place() -> None:
 def test_a_program_whose_output_is_closed_does_its_work() -> None:
     closed = f"exec {shlex.join([*TWINSCREW, '--help'])} >&-"
     assert subprocess.run(["bash", "-c", closed], stderr=subprocess.PIPE).stderr == b""
+
+
+def test_names_with_brackets_are_printed_as_they_are(tmp_path: Path) -> None:
+    sets, results = tmp_path / "sets.toml", tmp_path / "[/of] [old]"
+    sets.write_text('[[set]]\nname = "[/one]"\nvessels = 1\nbuoys = 0\n')
+    words = ("--methods", "apf", "--sets", sets, "--episodes", "1", "--jobs", "1")
+    sailed = twinscrew("experiment", *words, "--out", results, COLUMNS="400")
+    told = twinscrew("report", results, "--no-trajectories", "--failures", "0", COLUMNS="400")
+    again = twinscrew("experiment", "--rerun", f"{results}:1", "--out", tmp_path / "[/again]")
+    for done in (sailed, told):
+        assert done.returncode == 0, done.stderr
+        assert str(results) in done.stdout
+    assert "[/one]" in sailed.stdout
+    assert "[/again]" in again.stdout.replace("\n", "")
+    assert again.returncode == 0, again.stderr

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 if TYPE_CHECKING:
@@ -74,7 +75,11 @@ def _print(replays: list[Replay], sha256: str) -> None:
         if not r.whole:
             verdict += " (its end is missing)"
         table.add_row(
-            r.vessel, str(r.decisions), str(r.recorded_decisions), r.sha256[:16] + "...", verdict
+            escape(r.vessel),
+            str(r.decisions),
+            str(r.recorded_decisions),
+            r.sha256[:16] + "...",
+            verdict,
         )
     Console().print(table)
     for r in replays:
