@@ -25,8 +25,8 @@ class ScenarioSettings(Settings, frozen=True):
 
     robots: Count = 3
     """[-] Vessels."""
-    buoys: Annotated[int, Meta(ge=0)] = 0
-    """[-] Static obstacles."""
+    buoys: Annotated[int, Meta(ge=0, le=50)] = 0
+    """[-] Static obstacles. Of very many, no layout is found in any bearable time."""
     min_distance_m: NonNegative = 30.0
     """[m] At least this far from each start to its goal."""
     weight: NonNegative = 1.0

@@ -15,6 +15,7 @@ from twinscrew.hil_sim.children import end
 from twinscrew.hil_sim.drivers.punctual import ordinary
 from twinscrew.hil_sim.last_words import ended
 from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.errors import ConfigError
 
 START_LIMIT_S = 20.0
 """[s] How long a runtime may take to listen."""
@@ -37,12 +38,20 @@ class RuntimeProcess:
             All that the runtime is told.
         folder
             Where its configuration and its log are written.
+
+        Raises
+        ------
+        ConfigError
+            A name is no text, as a folder's of another encoding: TOML cannot tell it.
         """
         self._name = config.name
         self._folder = folder
         folder.mkdir(parents=True, exist_ok=True)
         text = tomli_w.dumps(_without_none(msgspec.to_builtins(config)))
-        (folder / CONFIG_FILE).write_text(text)
+        try:
+            (folder / CONFIG_FILE).write_bytes(text.encode())
+        except UnicodeEncodeError as error:
+            raise ConfigError("must have a name in UTF-8", file=folder) from error
         self._process = self._started()
         self.down = False
         """Whether it was killed, and not started again."""
