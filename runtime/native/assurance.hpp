@@ -59,7 +59,7 @@ struct Surroundings {
 };
 
 struct Contact {
-  double harm = 0.0;  // [m/s] how much faster than allowed it closes in, and how long; less the later
+  double harm = 0.0;  // [m/s] how much faster than allowed it closes in, and how long
   double time = std::numeric_limits<double>::infinity();  // [s] until it first does
   double speed = 0.0;                                     // [m/s] how fast it then closes in
   int circle = -1;                                        // which one it is
@@ -71,6 +71,9 @@ class Foresight {
   // [1/s] What comes faster than allowed for a second does as much harm as what comes twice as fast.
   // Without it all ways out are alike where the first moment, which none can change, is the worst.
   static constexpr double LASTING = 1.0;
+  // [m] However deep surfaces overlap, the vessel need not leave faster than from here: a boat that
+  // lies alongside within our circle is no reason to flee.
+  static constexpr double DEEPEST = 0.2;
 
  public:
   Foresight(const VesselInPlane& vessel, std::vector<HullCircle> hull, const ContactRules& rules)
@@ -178,7 +181,7 @@ class Foresight {
     if (!(left < rules_.margin)) return;
     const double time = static_cast<double>(step) * rules_.dt;
     const double weight = 1.0 - time / (around.horizon[k] + rules_.dt);
-    const double allowed = rules_.approach * left;
+    const double allowed = rules_.approach * std::max(left, -DEEPEST);
     const double harm =
         (closing(path, step, own, around, k) - allowed) * std::max(weight, 0.0);
     if (harm > now.harm) now = {.harm = harm, .time = time, .circle = static_cast<int>(k)};

@@ -83,9 +83,9 @@ class Foresight:
         """Judge a path as `path` gives it, of any length.
 
         Nearer than the margin, closing in is allowed at `approach_per_s` times the gap that is
-        left, so that a vessel may pass along an edge, or lie beside it, but not run into it. What
-        comes later counts less, down to nothing at the track's horizon: until then there is time
-        to decide again.
+        left, so that a vessel may pass along an edge, or lie beside it, but not run into it; where
+        they overlap, it has to leave as fast, as from 0.2 m at most. What comes later counts less,
+        down to nothing at the track's horizon: until then there is time to decide again.
         """
         c = circles
         return _contact(self._kernel.contact(path, c.p_B, c.v_B, c.radius, c.horizon_s), c)

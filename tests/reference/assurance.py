@@ -97,8 +97,9 @@ def worst_contact(
 
     Nearer than the margin, closing in is allowed at `approach_per_s` times the gap that is left, so
     that a vessel may pass along an edge, or lie beside it, but not run into it; within it, it has
-    to leave as fast. What comes later counts less, down to nothing at the track's horizon: until
-    then there is time to decide again. Harm is the greatest excess, and its integral times 1 /s.
+    to leave as fast (as from 0.2 m at most). What comes later counts less, down to nothing at the
+    track's horizon: until then there is time to decide again. Harm is the greatest excess, and its
+    integral times 1 /s.
 
     Parameters
     ----------
@@ -114,7 +115,7 @@ def worst_contact(
     if gap.min() >= margin_m:
         return NO_CONTACT
     closing = (gap[:-1] - gap[1:]) / dt
-    allowed = approach_per_s * gap[1:]
+    allowed = approach_per_s * np.maximum(gap[1:], -0.2)
     weight = 1.0 - dt * np.arange(1, steps + 1)[:, None, None] / (circles.horizon_s + dt)
     harm = np.where(gap[1:] < margin_m, (closing - allowed) * np.maximum(weight, 0.0), 0.0)
     harmful = (harm > 0.0).any(axis=(1, 2))

@@ -89,6 +89,15 @@ def test_lying_within_the_margin_or_leaving_it_is_no_contact():
     assert contact(straight(0.05), touching).harm > 0.0
 
 
+def test_who_overlaps_has_to_leave_but_need_not_flee():
+    overlapping = circles((3.7, 0.0, 0.0, 0.0, 1.0))  # by 0.1 m
+    deep = circles((1.8, 0.0, 0.0, 0.0, 1.0))  # by 2 m
+    assert contact(straight(0.0, steps=1), overlapping).harm > 0.0
+    assert contact(straight(-0.15, steps=1), overlapping) is NO_CONTACT
+    assert contact(straight(-0.15, steps=1), deep).harm > 0.0
+    assert contact(straight(-0.25, steps=1), deep) is NO_CONTACT
+
+
 def test_within_the_margin_one_may_close_in_no_faster_than_the_gap_allows():
     close = circles((4.2, 0.0, 0.0, 0.0, 1.0))  # 0.4 m
     assert contact(straight(0.3, steps=1), close) is NO_CONTACT
