@@ -71,8 +71,12 @@ class Wire:
         while (start := buffer.find(_START, start)) >= 0:
             length = _frame_length(buffer, start)
             if length is None or start + length > len(buffer):
-                del buffer[:start]
-                return messages
+                whole = self._whole_frame_after(start)
+                if whole is None:
+                    del buffer[:start]
+                    return messages
+                start = whole  # turned bits gave a length that would have held all of this up
+                continue
             message = self._decode_frame(buffer[start : start + length]) if length else None
             if message is None:
                 start += 1  # a false start, a damaged or unknown frame: a good one may lie inside
@@ -81,6 +85,15 @@ class Wire:
             messages.append(message)
         buffer.clear()
         return messages
+
+    def _whole_frame_after(self, start: int) -> int | None:
+        """Give where the next frame lies that is complete and has its checksum, if one does."""
+        buffer = self._buffer
+        while (start := buffer.find(_START, start + 1)) >= 0:
+            length = _frame_length(buffer, start)
+            if length and start + length <= len(buffer) and _is_intact(buffer, start):
+                return start
+        return None
 
     def _decode_frame(self, frame: bytearray) -> Message | None:
         try:
@@ -101,3 +114,16 @@ def _frame_length(buffer: bytearray, start: int) -> int | None:
         return 0
     signature = mavlink.MAVLINK_SIGNATURE_BLOCK_LEN if flags else 0
     return int(mavlink.HEADER_LEN_V2) + payload + _CRC_LENGTH + signature
+
+
+def _is_intact(buffer: bytearray, start: int) -> bool:
+    """Tell whether a frame of a known kind has its checksum; this decodes and counts nothing."""
+    number = int.from_bytes(buffer[start + 7 : start + 10], "little")
+    kind = mavlink.mavlink_map.get(number)
+    if kind is None:
+        return False
+    end = start + mavlink.HEADER_LEN_V2 + buffer[start + 1]
+    found = int.from_bytes(buffer[end : end + _CRC_LENGTH], "little")
+    checksum = mavlink.x25crc(buffer[start + 1 : end])
+    checksum.accumulate(bytes([kind.crc_extra]))
+    return bool(checksum.crc == found)

@@ -30,6 +30,24 @@ def test_a_frame_may_come_byte_by_byte():
     assert len(heard) == 1
 
 
+def test_turned_bits_in_a_length_do_not_hold_up_the_frames_behind_it():
+    wire, ear = Wire(1, 1), Wire(2, 1)
+    damaged = bytearray(wire.encode(attitude(0.5)))
+    damaged[1] = 255  # it now claims more bytes than the next five frames have
+    rolls = [0.125 * n for n in range(5)]
+    assert ear.decode(bytes(damaged)) == []
+    for roll in rolls:
+        assert [m.roll for m in ear.decode(wire.encode(attitude(roll)))] == [roll]
+
+
+def test_a_long_frame_in_pieces_may_hold_what_looks_like_a_start():
+    text = mavlink.MAVLink_statustext_message(6, b"\xfd\x05\x00 wait\xfd\x00\x00", 0, 0)
+    wire, ear = Wire(1, 1), Wire(2, 1)
+    pieces = [bytes([byte]) for byte in wire.encode(text) + wire.encode(attitude())]
+    heard = [m.get_type() for piece in pieces for m in ear.decode(piece)]
+    assert heard == ["STATUSTEXT", "ATTITUDE"]
+
+
 def test_a_false_start_does_not_swallow_the_frames_behind_it():
     wire, ear = Wire(1, 1), Wire(2, 1)
     rolls = [0.125 * n for n in range(6)]
