@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Final
 
 
 class TwinscrewError(Exception):
@@ -44,6 +45,10 @@ class BusError(TwinscrewError):
 
 class RecordingError(TwinscrewError):
     """A recording that cannot be written, read or replayed."""
+
+
+NOT_THE_FORMAT: Final = (ValueError, RecursionError)
+"""What reading others' JSON or TOML raises: it is no UTF-8, not that, or nested too deep."""
 
 
 def one_of(value: object, allowed: Iterable[object]) -> str:

@@ -18,7 +18,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeVar, Union, get_args, 
 import msgspec
 from msgspec import Meta
 
-from twinscrew.runtime.errors import ConfigError, one_of
+from twinscrew.runtime.errors import NOT_THE_FORMAT, ConfigError, one_of
 
 Positive = Annotated[float, Meta(gt=0.0)]
 NonNegative = Annotated[float, Meta(ge=0.0)]
@@ -86,7 +86,7 @@ def shipped(folder: str, name: str | Path, suffix: str = ".toml") -> Path:
 def _toml(content: bytes, file: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(content.decode("utf-8-sig"))  # some editors begin files with a mark
-    except (ValueError, RecursionError) as error:  # not UTF-8, numbers too long, nested too deep
+    except NOT_THE_FORMAT as error:
         raise ConfigError(f"not TOML: {error}", file=file) from error
 
 

@@ -18,7 +18,7 @@ from typing import Any, BinaryIO
 
 import torch
 
-from twinscrew.runtime.errors import ConfigError, TwinscrewError
+from twinscrew.runtime.errors import NOT_THE_FORMAT, ConfigError, TwinscrewError
 
 CHECKPOINT = "checkpoint.pt"
 BEST = "best.pt"
@@ -228,7 +228,7 @@ def read_records(file: Path) -> list[dict[str, Any]]:
     for number, line in enumerate(lines):
         try:
             record = json.loads(line)
-        except (ValueError, RecursionError) as error:
+        except NOT_THE_FORMAT as error:
             if number + 1 < len(lines):
                 raise ConfigError(f"line {number + 1} is not JSON", file=file) from error
             break

@@ -13,7 +13,7 @@ import msgspec
 
 from twinscrew.hil_sim.experiments.plan import Experiment
 from twinscrew.runtime.app.recorder import software
-from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.errors import NOT_THE_FORMAT, ConfigError
 from twinscrew.runtime.settings import CONFIG_DIR, Settings, convert
 
 FILE = "experiment.json"
@@ -50,7 +50,7 @@ def read_folder(path: Path) -> Folder:
     except OSError as error:
         what = "not a folder of results" if path.is_dir() else "no such folder"
         raise ConfigError(f"{what} ({error.strerror})", file=path) from error
-    except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep
+    except NOT_THE_FORMAT as error:
         raise ConfigError(f"damaged: {error}", file=file) from error
     return convert(values, Folder, file=file)
 

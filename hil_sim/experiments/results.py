@@ -18,7 +18,7 @@ import msgspec
 
 from twinscrew.hil_sim.experiments.plan import Key
 from twinscrew.hil_sim.experiments.record import EpisodeRecord
-from twinscrew.runtime.errors import RecordingError
+from twinscrew.runtime.errors import NOT_THE_FORMAT, RecordingError
 
 FILE = "results.jsonl"
 _ENCODER = msgspec.json.Encoder()
@@ -142,7 +142,7 @@ def _parse(path: Path, data: bytes) -> tuple[list[EpisodeRecord], int]:
     for number, line in enumerate(data[:whole].splitlines(), start=1):
         try:
             record = _DECODER.decode(line)
-        except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep
+        except NOT_THE_FORMAT as error:
             raise RecordingError(f"{path}:{number}: not an episode: {error}") from error
         if record.key in lines:
             raise RecordingError(f"{path}:{number}: line {lines[record.key]} again: {record.key}")

@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 
 from twinscrew.hil_sim.scenario import Scenario
-from twinscrew.runtime.errors import RecordingError
+from twinscrew.runtime.errors import NOT_THE_FORMAT, RecordingError
 
 SCENE_FILE = "scene.json"
 
@@ -64,5 +64,5 @@ def read_scene(folder: Path) -> Scene:
         return Scene()
     try:
         return msgspec.json.decode(path.read_bytes(), type=Scene)
-    except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep
+    except NOT_THE_FORMAT as error:
         raise RecordingError(f"{path}: not a scene: {error}") from error

@@ -14,6 +14,8 @@ from typing import Any
 
 import msgspec
 
+from twinscrew.runtime.errors import NOT_THE_FORMAT
+
 POINT_BYTES = 4
 """[B] Two int16."""
 
@@ -122,7 +124,7 @@ def decode_request(text: str) -> Request | None:
     """Read what the page asks for; None if it is not a request."""
     try:
         return msgspec.json.decode(text, type=Request)
-    except (ValueError, RecursionError):  # no JSON, nested too deep
+    except NOT_THE_FORMAT:
         return None
 
 

@@ -18,7 +18,7 @@ import msgspec
 from twinscrew.runtime.app.bag import METADATA_RECORD
 from twinscrew.runtime.app.mcap_file import BagMessage, McapFile
 from twinscrew.runtime.app.rosbag import Rosbag
-from twinscrew.runtime.errors import RecordingError, one_of
+from twinscrew.runtime.errors import NOT_THE_FORMAT, RecordingError, one_of
 from twinscrew.runtime.messages.topics import CORE_INPUTS, TOPICS
 from twinscrew.runtime.settings import Settings, load
 
@@ -233,7 +233,7 @@ def _metadata(path: Path, source: Source) -> dict[str, Any]:
     try:
         values = {k: json.loads(v) for k, v in (source.metadata(METADATA_RECORD) or {}).items()}
         msgspec.convert(values, _Said)
-    except (ValueError, RecursionError) as error:
+    except NOT_THE_FORMAT as error:
         raise RecordingError(f"{path}: its metadata are damaged: {error}") from error
     return values
 
