@@ -183,6 +183,17 @@ def test_a_run_far_from_the_origin_is_shown_as_near_as_any_other(page, tmp_path)
         viewer.stop()
 
 
+def test_the_chart_fits_though_frames_come_before_the_screens_first_picture(page, viewer):
+    page.add_init_script(
+        """window.ResizeObserver = class extends ResizeObserver {
+            constructor(tell) { super((...told) => setTimeout(() => tell(...told), 1e6)); }
+        };"""
+    )
+    visit(page, viewer)
+    for vessel in ("v0", "v1"):
+        assert colours(page).get(style_colour(page, vessel), 0) > 50
+
+
 def test_it_needs_nothing_but_its_own_server_and_complains_of_nothing(page, viewer):
     visit(page, viewer)
     page.keyboard.press("1")

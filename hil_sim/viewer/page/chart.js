@@ -15,7 +15,7 @@ export class Chart {
     this.model = model;
     this.shown = shown; // which layers, { points: true, ... }
     this.waiting = false;
-    new ResizeObserver(() => this.#resize()).observe(canvas);
+    new ResizeObserver(() => this.measure()).observe(canvas);
   }
 
   // Draws with the next picture of the screen, once, however often it is asked.
@@ -28,7 +28,8 @@ export class Chart {
     });
   }
 
-  #resize() {
+  // Takes the canvas's size; the observer does so only with the next picture of the screen.
+  measure() {
     const { width, height } = this.canvas.getBoundingClientRect();
     const ratio = devicePixelRatio || 1;
     this.canvas.width = Math.round(width * ratio);

@@ -41,6 +41,7 @@ function fit() {
   const onMap = ([north, east]) => north >= 0 && north <= mapNorth && east >= 0 && east <= mapEast;
   fitted = places.length > 0;
   if (scene.map_size_m && (!fitted || places.some(onMap))) places.push([0, 0], scene.map_size_m);
+  chart.measure();
   camera.fit(places, MARGIN_M);
   chart.draw();
 }
