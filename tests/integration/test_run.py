@@ -1,14 +1,19 @@
 """`twinscrew run`: what is deployed on the boat, as a process with real sockets."""
 
+import os
+import random
 import signal
 import socket
+import subprocess
+import time
 from collections.abc import Iterator
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import onnx
 import pytest
-from tests.harness.commands import running, stop, twinscrew
+from tests.harness.commands import GIVE_UP_S, running, stop, twinscrew
 from tests.harness.sensors import Sensors
 from tests.harness.waiting import wait_until
 
@@ -81,6 +86,31 @@ def test_told_to_stop_before_anything_came_it_stops_cleanly(tmp_path: Path, numb
         wait_until(lambda: "wamv: running" in log.read_text())
         assert stop(runtime, number) == 0
     assert read_summary(tmp_path / "kept").decisions == 0
+
+
+def test_told_to_stop_again_and_again_it_stops_as_cleanly(tmp_path: Path) -> None:
+    """Handlers run in the middle of each other: with a lock in one, some of these never ended."""
+    for turn in range(4):
+        log = tmp_path / f"log_{turn}.txt"
+        with running("run", "--config", written(tmp_path), log=log) as runtime:
+            wait_until(partial(says, log, "wamv: running"))
+            storm(runtime, random.Random(turn))
+            runtime.wait(GIVE_UP_S)
+        assert "decisions, stopped" in log.read_text()
+
+
+def says(log: Path, words: str) -> bool:
+    return words in log.read_text()
+
+
+def storm(process: subprocess.Popen[bytes], rng: random.Random) -> None:
+    """Send signals for 50 ms, some tens of microseconds apart."""
+    end_s = time.perf_counter() + 0.05
+    while time.perf_counter() < end_s:
+        os.kill(process.pid, rng.choice([signal.SIGTERM, signal.SIGINT]))  # nobody waits for it yet
+        next_s = time.perf_counter() + rng.uniform(0.0, 60e-6)
+        while time.perf_counter() < next_s:
+            pass
 
 
 def refused(config: Path, *words: str) -> None:

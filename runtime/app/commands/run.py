@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import sys
-import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +12,7 @@ import typer
 
 from twinscrew.runtime.app import one_thread  # noqa: F401  (before anything loads a library)
 from twinscrew.runtime.app.approval import Approved, load_approved
+from twinscrew.runtime.app.stopping import StopRequest
 from twinscrew.runtime.app.tether import at_end_of_input
 
 
@@ -29,16 +30,16 @@ def run(
 ) -> None:
     """Run one vessel's runtime until it is told to stop (SIGINT or SIGTERM)."""
     approved = load_approved(config, manifest, public_key)
-    stop = threading.Event()
+    stop = StopRequest()
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+        signal.signal(number, stop.make)
     if tethered:
-        at_end_of_input(stop.set)
+        at_end_of_input(stop.make)
     sail(approved, stop, source=config)
 
 
-def sail(approved: Approved, stop: threading.Event, *, source: Path) -> None:
-    """Open everything, loop until `stop` is set, close everything, and write the summary."""
+def sail(approved: Approved, stop: Callable[[], bool], *, source: Path) -> None:
+    """Open everything, loop until `stop` says so, close everything, and write the summary."""
     from twinscrew.runtime.app.priority import take
     from twinscrew.runtime.app.session import Session
 
@@ -47,10 +48,8 @@ def sail(approved: Approved, stop: threading.Event, *, source: Path) -> None:
     for words in refused:
         print(f"{config.name}: ordinary priority: {words}", file=sys.stderr, flush=True)
     approval = str(approved.approval or "")
-    with Session(
-        config, source=source, stop=stop.is_set, refused=refused, approval=approval
-    ) as session:
+    with Session(config, source=source, stop=stop, refused=refused, approval=approval) as session:
         print(f"{config.name}: running", file=sys.stderr, flush=True)
-        session.loop.run(stop.is_set)
+        session.loop.run(stop)
     summary = session.write_summary()
     print(f"{config.name}: {summary.decisions} decisions, stopped", file=sys.stderr, flush=True)
