@@ -134,6 +134,28 @@ class Strips:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Outline:
+    """Where the nearest echoes are, all around: up to there the water is free.
+
+    Objects too long for a circle are cut into pieces. Where the pieces are tells nothing of how the
+    object moves; where the outline goes into what was free does.
+    """
+
+    sights_B: Float64
+    """[m] [B, levelled] (A, 2) Where each sector's sight ends: at its nearest echo, or at the
+    farthest that is looked at. Clockwise."""
+    sensor_B: Float64
+    """[m] [B, levelled] (2,) Where it begins."""
+    is_closed: bool
+    """True if the sectors are a full turn."""
+    seen: NDArray[np.int64]
+    """[-] (A,) The number of the long object that it ends at; -1 for all else."""
+    cut_from: NDArray[np.int64]
+    """[-] (K,) Of each of the scan's objects, the number of the long one that it is a piece of; -1
+    if it is all of itself."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Objects:
     """What perception found in one scan."""
 
@@ -148,6 +170,8 @@ class Objects:
     strips: Strips | None = None
     """What is followed from scan to scan to measure velocities; None if not told. Not on the bus:
     those who listen have the tracks."""
+    outline: Outline | None = None
+    """None if no object is long, or if it is not told. Not on the bus."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -35,18 +35,41 @@ Counts project(Kernel& kernel, Points points_S, std::optional<Values> intensity,
   return kernel.project(cloud, {R_BS, p_BS}, R_LB, motion ? &*motion : nullptr);
 }
 
-// The objects, (K, 4): x, y, radius, number of echoes.
+// The objects, (K, 5): x, y, radius, number of echoes, and of what object it is a piece, or -1.
 Given<double> objects(Kernel& kernel) {
   const std::vector<Circle>* circles = nullptr;
   {
     const nb::gil_scoped_release release;
     circles = &kernel.objects();
   }
-  return make_array<double>({circles->size(), 4}, [&](double* out) {
+  return make_array<double>({circles->size(), 5}, [&](double* out) {
     for (const Circle& c : *circles) {
-      for (const double value : {c.x, c.y, c.radius, static_cast<double>(c.count)}) *out++ = value;
+      for (const double value : {c.x, c.y, c.radius, static_cast<double>(c.count),
+                                 static_cast<double>(c.cut_from)}) {
+        *out++ = value;
+      }
     }
   });
+}
+
+// The nearest echo of each sector: (A, 2) x, y, NaN where there is none; (A,) its circle, or -1.
+nb::tuple outline(Kernel& kernel) {
+  const std::vector<std::size_t>& nearest = kernel.outline();
+  const std::size_t sectors = nearest.size();
+  auto echoes = make_array<double>({sectors, 2}, [&](double* out) {
+    for (const std::size_t cell : nearest) {
+      const bool is_there = cell != Outline::NOTHING;
+      const double none = std::numeric_limits<double>::quiet_NaN();
+      *out++ = is_there ? kernel.image().echo(cell).x : none;
+      *out++ = is_there ? kernel.image().echo(cell).y : none;
+    }
+  });
+  auto circles = make_array<std::int64_t>({sectors}, [&](std::int64_t* out) {
+    for (const std::size_t cell : nearest) {
+      *out++ = cell == Outline::NOTHING ? -1 : kernel.circle_of(cell);
+    }
+  });
+  return nb::make_tuple(echoes, circles);
 }
 
 // The strips of the objects: (K + 1,) the row at which each object's begin, and (S, 4) the rows:
@@ -121,21 +144,24 @@ void bind_kernel(nb::module_& m) {
              double azimuth_step, int columns, bool wraps, const Gates& gates, double theta,
              double noise, int bridged, float reach, float merge_across, float merge_along,
              const FootprintRule& footprint, int least_points, float longest, float piece,
-             float strip_gap) {
+             float strip_gap, int sector) {
+            require(sector > 0, "Kernel: a sector has at least one column");
             const Scanner scanner(elevations, first_azimuth, azimuth_step, columns, wraps);
             const CircleRules rules{least_points,    longest,        piece,
                                     gates.mask_hull, gates.hull_aft, gates.hull_fore};
             new (self) Kernel(scanner, gates, {theta, noise, bridged}, reach,
-                              {merge_across, merge_along}, footprint, rules, strip_gap);
+                              {merge_across, merge_along}, footprint, rules, strip_gap, sector);
           },
           nb::kw_only(), "elevations"_a, "first_azimuth"_a, "azimuth_step"_a, "columns"_a,
           "wraps"_a, "gates"_a, "theta"_a, "noise"_a, "bridged"_a, "reach"_a, "merge_across"_a,
-          "merge_along"_a, "footprint"_a, "least_points"_a, "longest"_a, "piece"_a, "strip_gap"_a)
+          "merge_along"_a, "footprint"_a, "least_points"_a, "longest"_a, "piece"_a, "strip_gap"_a,
+          "sector"_a)
       .def("project", &project, "points_S"_a, "intensity"_a.none(), "time"_a.none(), "R_BS"_a,
            "p_BS"_a, "R_LB"_a, "motion"_a.none())
       .def("segment", &Kernel::segment, nb::call_guard<nb::gil_scoped_release>())
       .def("objects", &objects)
       .def("strips", &strips)
+      .def("outline", &outline)
       .def("range_image",
            [](const Kernel& k) {
              return image_of<float>(k, 0.0F, [&](std::size_t c) { return k.image().range(c); });

@@ -16,6 +16,7 @@ struct Circle {
   double x, y;    // [m] centroid of the echoes
   double radius;  // [m] the largest distance of an echo from the centroid
   std::int64_t count;
+  std::int32_t cut_from;  // the number of the object that this is a piece of, -1 if it is all of it
 };
 
 struct CircleRules {
@@ -39,7 +40,9 @@ class Circles {
     circle_of_.assign(map.patches().size(), NONE);
     for (std::size_t group = 0; group < groups.size(); ++group) {
       if (points(map.patches(), groups[group]) < rules_.least_points) continue;
+      const std::size_t first = circles_.size();
       cut(map.patches(), groups[group], rules_.longest);
+      if (circles_.size() - first > 1) number(first, static_cast<std::int32_t>(group));
     }
     measure(image, map);
   }
@@ -129,7 +132,7 @@ class Circles {
     if (numbers.size() == 1 || (s.to - s.from <= longest && !holds_keel(s))) {
       const auto number = static_cast<std::int32_t>(circles_.size());
       for (const std::int32_t i : numbers) circle_of_[index(i)] = number;
-      circles_.push_back({s.x, s.y, 0.0, points(patches, numbers)});
+      circles_.push_back({s.x, s.y, 0.0, points(patches, numbers), NONE});
       return;
     }
     const double middle = 0.5 * (s.from + s.to);
@@ -141,6 +144,11 @@ class Circles {
     if (half == 0 || half == numbers.size()) half = numbers.size() / 2;
     cut(patches, numbers.first(half), rules_.piece);
     cut(patches, numbers.subspan(half), rules_.piece);
+  }
+
+  // Tells the circles from this one on of what object they are pieces.
+  void number(std::size_t first, std::int32_t object) {
+    for (std::size_t i = first; i < circles_.size(); ++i) circles_[i].cut_from = object;
   }
 
   bool holds_keel(const Shape& s) const {

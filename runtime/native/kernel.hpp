@@ -6,6 +6,7 @@
 #include "circles.hpp"
 #include "footprint.hpp"
 #include "groups.hpp"
+#include "outline.hpp"
 #include "patches.hpp"
 #include "projection.hpp"
 #include "range_image.hpp"
@@ -19,7 +20,7 @@ class Kernel {
  public:
   Kernel(const Scanner& scanner, const Gates& gates, const Criterion& criterion, float reach,
              const MergeRule& merge, const FootprintRule& footprint, const CircleRules& rules,
-         float strip_gap)
+         float strip_gap, int sector)
       : scanner_(scanner),
         image_(scanner.rows(), scanner.columns()),
         projection_(scanner_, gates, Plane::of(reach, merge.across)),
@@ -28,7 +29,8 @@ class Kernel {
         groups_(image_.size()),
         footprints_(footprint, image_.size()),
         circles_(rules, image_.size()),
-        strips_({strip_gap, gates.range_max - strip_gap}, image_.size()) {}
+        strips_({strip_gap, gates.range_max - strip_gap}, image_.size()),
+        outline_(scanner.columns(), sector) {}
   Kernel(const Kernel&) = delete;  // the stages refer to the scanner beside them
   Kernel& operator=(const Kernel&) = delete;
 
@@ -53,6 +55,12 @@ class Kernel {
     return strips_.strips();
   }
 
+  // The cell of the nearest echo of each sector, or Outline::NOTHING.
+  const std::vector<std::size_t>& outline() {
+    outline_(image_);
+    return outline_.nearest();
+  }
+
   std::size_t circles() const { return circles_.circles().size(); }
   const RangeImage& image() const { return image_; }
   const std::vector<std::int32_t>& labels() const { return segmentation_.labels(); }
@@ -70,6 +78,7 @@ class Kernel {
   Footprints footprints_;
   Circles circles_;
   Strips strips_;
+  Outline outline_;
   std::int32_t components_ = 0;
 };
 

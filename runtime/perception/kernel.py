@@ -11,6 +11,9 @@ from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.perception.sensor import Sensor
 from twinscrew.runtime.perception.settings import FootprintSettings, PerceptionSettings
 
+SECTOR_RAD = math.radians(0.5)
+"""[rad] Width of a sector of the outline, or of a column if that is wider."""
+
 
 def make_kernel(sensor: Sensor, settings: PerceptionSettings) -> Kernel:
     """Build the kernel of a sensor.
@@ -41,7 +44,14 @@ def make_kernel(sensor: Sensor, settings: PerceptionSettings) -> Kernel:
         longest=settings.longest_m,
         piece=settings.piece_m,
         strip_gap=settings.strip_gap_m,
+        sector=columns_a_sector(sensor),
     )
+
+
+def columns_a_sector(sensor: Sensor) -> int:
+    """Give how many columns of the range image, side by side, are one sector of the outline."""
+    half = sensor.image_shape[1] // 2  # there are two sectors at least
+    return max(min(round(SECTOR_RAD / sensor.azimuth_step), half), 1)
 
 
 def _gates(sensor: Sensor, settings: PerceptionSettings) -> Gates:

@@ -57,6 +57,8 @@ class Sight:
     """[ns] The scan's stamp."""
     rows_N: Float64
     """(S, 4) Mean, north and east [m]; length [m]; number of echoes."""
+    stands: bool | None = None
+    """See `standing.Standing.pieces`."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,12 +8,13 @@ have their centres within one circle, so pieces that do belong together.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twinscrew.runtime._native import crowded
-from twinscrew.runtime.messages.types import Float64, Objects, Strips
+from twinscrew.runtime.messages.types import Float64, Objects, Outline, Strips
 
 
 def join_fragments(objects: Objects, p_B: Float64, radius: Float64) -> Objects:
@@ -54,7 +55,16 @@ def join_fragments(objects: Objects, p_B: Float64, radius: Float64) -> Objects:
         radius=table[:, 2],
         points=table[:, 3].astype(np.int64),
         strips=_regrouped(objects.strips, [*groups, *kept.reshape(-1, 1)]),
+        outline=_renumbered(objects.outline, len(groups), kept),
     )
+
+
+def _renumbered(outline: Outline | None, joined: int, kept: NDArray[np.intp]) -> Outline | None:
+    """Give an outline whose pieces are the objects after joining: what was joined is whole."""
+    if outline is None:
+        return None
+    whole = np.full(joined, -1, dtype=np.int64)
+    return replace(outline, cut_from=np.concatenate([whole, outline.cut_from[kept]]))
 
 
 def _regrouped(strips: Strips | None, groups: Sequence[NDArray[np.intp]]) -> Strips | None:

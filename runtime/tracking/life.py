@@ -23,8 +23,11 @@ class LifeSettings(Settings, frozen=True, kw_only=True):
 
 
 def is_born(track: Track, settings: LifeSettings) -> bool:
-    """Tell whether a track that is not reported yet should be."""
-    return not track.confirmed and track.hits >= settings.birth_hits
+    """Tell whether a track that is not reported yet should be.
+
+    A piece of something long that stands is at once: that has been seen for long enough.
+    """
+    return not track.confirmed and (track.hits >= settings.birth_hits or track.stands)
 
 
 def lives(track: Track, settings: LifeSettings) -> bool:

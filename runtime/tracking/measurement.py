@@ -9,6 +9,7 @@ docs/tracking.md), so the share is a setting; what remains is left to the filter
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -87,7 +88,7 @@ class Measurements:
     gate: Float64
     """[m2] (K,) Variance that the gate allows for jumps."""
     sights: list[Sight]
-    """(K,) Their strips."""
+    """(K,) Their strips, and whether they stand."""
 
 
 class Stand(NamedTuple):
@@ -127,7 +128,9 @@ class Centroids:
             edge_sigma=settings.edge_sigma,
         )
 
-    def measure(self, objects: Objects, own: Stand) -> Measurements:
+    def measure(
+        self, objects: Objects, own: Stand, stands: Sequence[bool | None] | None = None
+    ) -> Measurements:
         """Give the objects of a scan in frame N; what is not finite is left out.
 
         Parameters
@@ -136,12 +139,14 @@ class Centroids:
             As perception found them.
         own
             From where the scan was taken.
+        stands
+            Of each object, see `standing.Standing.pieces`; by default nothing is known.
         """
         (cosine, _), (sine, _) = own.R_NB.tolist()
         z_N, H, R, radius, gate, kept = self._model.measured(
             objects.p_B, objects.radius, objects.points, (*own.p_N.tolist(), cosine, sine)
         )
-        return Measurements(z_N, H, R, radius, gate, _sights(objects, own, kept))
+        return Measurements(z_N, H, R, radius, gate, _sights(objects, own, stands, kept))
 
     def bias_variance(self, places_N: Float64, radius: Float64, own: Stand) -> Float64:
         """Give how far centroids may be off what is expected of them, along and across.
@@ -169,12 +174,15 @@ def _distances(settings: MeasurementSettings, view: View) -> list[float]:
     return [min(scaled[k:]) for k in range(len(scaled))]
 
 
-def _sights(objects: Objects, own: Stand, kept: list[int]) -> list[Sight]:
-    """Give the strips of the objects that are kept, in N."""
-    strips = objects.strips
+def _sights(
+    objects: Objects, own: Stand, stands: Sequence[bool | None] | None, kept: list[int]
+) -> list[Sight]:
+    """Give what is seen of the objects that are kept, in N."""
+    strips, stamp_ns = objects.strips, objects.stamp_ns
+    stands = stands or [None] * len(objects.radius)
     if strips is None:
-        return [Sight(objects.stamp_ns, NO_STRIPS)] * len(kept)
+        return [Sight(stamp_ns, NO_STRIPS, stands[k]) for k in kept]
     rows_N = strips.rows_B.copy()
     rows_N[:, :2] = strips.rows_B[:, :2] @ own.R_NB.T + own.p_N
     begin = strips.begin.tolist()
-    return [Sight(objects.stamp_ns, rows_N[begin[k] : begin[k + 1]]) for k in kept]
+    return [Sight(stamp_ns, rows_N[begin[k] : begin[k + 1]], stands[k]) for k in kept]

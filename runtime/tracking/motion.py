@@ -62,3 +62,18 @@ def bias_noise(dt: float, bias_time_s: float, variance: Float64) -> Float64:
     forgotten = 1.0 - math.exp(-2.0 * dt / bias_time_s)
     Q[:, 4, 4], Q[:, 5, 5] = forgotten * variance.T
     return Q
+
+
+def slide_noise(dt: float, slide_mps: Float64) -> Float64:
+    """Give the part of Q, (K, 6, 6), of places that jump over `dt` [s] without any velocity.
+
+    Parameters
+    ----------
+    dt : float
+        Time step [s].
+    slide_mps : (K,) float64
+        Standard deviation of the jumps over the time [m/s]; 0 for what goes where it is moved.
+    """
+    Q = np.zeros((len(slide_mps), STATES, STATES))
+    Q[:, 0, 0] = Q[:, 1, 1] = (slide_mps * dt) ** 2
+    return Q

@@ -52,6 +52,11 @@ class Track:
         self.known_s = self.age_s = 0.0
         self.confirmed = False
 
+    @property
+    def stands(self) -> bool:
+        """True if it was last seen as a piece of something long that stands."""
+        return self.sight.stands is True
+
     def moved_on(self, dt: float, x: Float64, P: Float64) -> None:
         """Be what was predicted for `dt` [s] later."""
         self.x, self.P = x, P

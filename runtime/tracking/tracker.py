@@ -38,8 +38,15 @@ from twinscrew.runtime.tracking.measurement import (
     MeasurementSettings,
     Stand,
 )
-from twinscrew.runtime.tracking.motion import STATES, bias_noise, motion_noise, transition
+from twinscrew.runtime.tracking.motion import (
+    STATES,
+    bias_noise,
+    motion_noise,
+    slide_noise,
+    transition,
+)
 from twinscrew.runtime.tracking.radius import RadiusSettings, smoothed_radius
+from twinscrew.runtime.tracking.standing import Standing, StandingSettings
 from twinscrew.runtime.tracking.track import Track
 from twinscrew.runtime.tracking.view import View
 
@@ -51,6 +58,8 @@ class TrackerSettings(Settings, frozen=True, kw_only=True):
     """How the visible centroid relates to the centre."""
     displacement: DisplacementSettings = DisplacementSettings()
     """How velocities are measured from scan to scan."""
+    standing: StandingSettings = StandingSettings()
+    """When long objects are taken to stand."""
     radius: RadiusSettings = RadiusSettings()
     """How the radius is smoothed."""
     acceleration_psd: Positive = 1.0
@@ -78,12 +87,16 @@ class Tracker:
         self._displacement = Displacement(self.settings.displacement)
         self._bank = FilterBank()
         self._centroids = Centroids(self.settings.measurement, view or View())
+        self._standing = Standing(self.settings.standing)
+        variance = self.settings.standing.sigma_mps**2
+        self._still = MeasuredVelocity(np.zeros(2), variance * np.eye(2))
         self._next_id = 0
         self.reset()
 
     def reset(self) -> None:
         """Forget everything but the identities already given: none is ever used twice."""
         self._tracks: list[Track] = []
+        self._standing.reset()
         self._stamp_ns: int | None = None
         self._reported: Tracks | None = None
         self.note = ""
@@ -111,7 +124,8 @@ class Tracker:
         own = Stand.of(odometry)
         x, P = self._predicted(dt, own)
         whole = self._joined(objects, x, own)
-        self._update(x, P, self._centroids.measure(whole, own), own)
+        stands = self._standing.pieces(whole, own)
+        self._update(x, P, self._centroids.measure(whole, own, stands), own)
         self._drop()
         self._reported = self._report(objects.stamp_ns)
         return self._reported
@@ -136,6 +150,8 @@ class Tracker:
         radius = _floats([track.radius for track in self._tracks])
         Q = self._acceleration_psd(x)[:, None, None] * motion_noise(dt, 1.0)
         Q += bias_noise(dt, time_s, self._centroids.bias_variance(x, radius, own))
+        slides = self.settings.standing.slide_mps * _floats([t.stands for t in self._tracks])
+        Q += slide_noise(dt, slides)
         x, P = self._bank.predict(x, P, transition(dt, time_s), Q)
         for k, track in enumerate(self._tracks):
             track.moved_on(dt, x[k], P[k])
@@ -151,7 +167,7 @@ class Tracker:
 
     def _joined(self, objects: Objects, x: Float64, own: Stand) -> Objects:
         """Put together what lies within the circle of one known track."""
-        known = [k for k, track in enumerate(self._tracks) if track.confirmed]
+        known = [k for k, t in enumerate(self._tracks) if t.confirmed and not t.stands]
         if not known or len(objects.p_B) < 2:
             return objects
         p_B = (x[known, :2] - own.p_N) @ own.R_NB
@@ -179,7 +195,7 @@ class Tracker:
         x, P = corrected(
             self._bank,
             x[rows],
-            P[rows],
+            self._reopened(P[rows], tracks, sights),
             (measured.z_N[seen], measured.H[seen], measured.R[seen]),
             _floats([distance2 for _, _, distance2 in found.pairs]) / limit2 - 1.0,
             [self._velocity(*pair) for pair in zip(tracks, sights, strict=True)],
@@ -191,8 +207,17 @@ class Tracker:
             track.seen(x[n], P[n], radius, sights[n])
             self._confirm(track)
 
+    def _reopened(self, P: Float64, tracks: list[Track], sights: list[Sight]) -> Float64:
+        """Let tracks forget their velocities if they stand, or move, otherwise than it seemed."""
+        pairs = enumerate(zip(tracks, sights, strict=True))
+        turned = [n for n, (t, s) in pairs if s.stands is not None and s.stands != t.stands]
+        P[turned, 2:4, 2:4] += self.settings.first_speed_mps**2 * np.eye(2)
+        return P
+
     def _velocity(self, track: Track, sight: Sight) -> MeasuredVelocity | None:
         """Let a track's strips say how fast it went since it was last seen."""
+        if sight.stands:
+            return self._still
         north, east, v_north, v_east, along, across = track.x.tolist()
         if math.hypot(along, across) > self.settings.displacement.astray * track.radius:
             return None

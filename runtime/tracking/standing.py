@@ -1,0 +1,150 @@
+"""Whether what is too long for a circle moves: by the free water it goes into, or leaves behind.
+
+A quay is cut into pieces along the part of it that is seen, and that part goes along with the boat;
+a wall looks the same everywhere, so nothing but its ends can tell that it stands. But what moves
+comes to be where the sensor has looked through before, or is gone from where it was: a quay only
+ever appears where nothing could be seen. So the outline of this scan is compared with that of one
+some time ago, both in frame N.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Objects, Outline
+from twinscrew.runtime.settings import Positive, Settings
+from twinscrew.runtime.tracking.measurement import Stand
+
+
+class StandingSettings(Settings, frozen=True, kw_only=True):
+    """When a long object is taken to stand."""
+
+    least_s: Positive = 1.0
+    """[s] The outlines that are compared lie at least this far apart, and"""
+    most_s: Positive = 2.0
+    """[s] if the long objects have been seen for so long, this far."""
+    margin_m: Positive = 0.5
+    """[m] How deep in free water an echo must lie to tell of motion."""
+    guard_rad: Positive = 0.0175
+    """[rad] How far to either side the water must be as free: headings are not exact."""
+    least_rad: Positive = 0.01
+    """[rad] Over so wide an angle echoes must tell of it."""
+    near_m: Positive = 3.0
+    """[m] What has gone from a place was part of a long object that is no farther than this now."""
+    sigma_mps: Positive = 0.1
+    """[m/s] Standard deviation of each velocity component of what stands."""
+    slide_mps: Positive = 3.0
+    """[m/s] How fast pieces of what stands may slide along it."""
+
+
+class Look(NamedTuple):
+    """An outline, seen from a place in N, prepared for questions."""
+
+    stamp_ns: int
+    own: Stand
+    sensor_B: Float64
+    step: float
+    """[rad] From one sector to the next."""
+    azimuth: Float64
+    """[rad] (A,) Rising."""
+    free: Float64
+    """[m] (A,) So far the water is free there, and to either side."""
+    long_N: Float64
+    """[m] (L, 2) The echoes of long objects,"""
+    long: NDArray[np.int64]
+    """(L,) and whose they are."""
+
+    @classmethod
+    def of(cls, stamp_ns: int, outline: Outline, own: Stand, guard_rad: float) -> Look:
+        """Prepare an outline."""
+        away = outline.sights_B - outline.sensor_B
+        azimuth, reach = np.arctan2(away[:, 1], away[:, 0]), np.hypot(away[:, 0], away[:, 1])
+        if not outline.is_closed:
+            reach[[0, -1]] = 0.0
+        first = int(azimuth.argmin())
+        azimuth, reach = np.roll(azimuth, -first), np.roll(reach, -first)
+        step = float(np.median(np.diff(azimuth)))
+        guard = min(math.ceil(guard_rad / step), len(reach))
+        around = np.concatenate([reach[-guard:], reach, reach[:guard]])
+        free = sliding_window_view(around, 2 * guard + 1).min(axis=1)
+        is_long = outline.seen >= 0
+        long_N = outline.sights_B[is_long] @ own.R_NB.T + own.p_N
+        seen = outline.seen[is_long]
+        return cls(stamp_ns, own, outline.sensor_B, step, azimuth, free, long_N, seen)
+
+    def saw_through(self, p_N: Float64, margin_m: float) -> NDArray[np.bool_]:
+        """Tell which places, (L, 2), lie in free water, and so deep [m]."""
+        away = (p_N - self.own.p_N) @ self.own.R_NB - self.sensor_B
+        azimuth = np.arctan2(away[:, 1], away[:, 0])
+        sector = np.searchsorted(self.azimuth, azimuth) % len(self.azimuth)
+        return np.hypot(away[:, 0], away[:, 1]) < self.free[sector] - margin_m
+
+
+class Standing:
+    """Remembers outlines for as long as they are compared."""
+
+    def __init__(self, settings: StandingSettings) -> None:
+        self.settings = settings
+        self._looks: deque[Look] = deque()
+
+    def reset(self) -> None:
+        """Forget what was seen."""
+        self._looks.clear()
+
+    def pieces(self, objects: Objects, own: Stand) -> Sequence[bool | None]:
+        """Tell of each object whether it is a piece of a long one that stands.
+
+        True if it is, False if the long one moves; None if the object is no piece, or if it is not
+        known yet.
+        """
+        unknown: list[bool | None] = [None] * len(objects.radius)
+        if objects.outline is None or not np.isfinite([*own.p_N, *own.R_NB[0]]).all():
+            self.reset()
+            return unknown
+        now = Look.of(objects.stamp_ns, objects.outline, own, self.settings.guard_rad)
+        then = self._before(now.stamp_ns)
+        self._looks.append(now)
+        cut_from = objects.outline.cut_from.tolist()
+        if then is None or max(cut_from, default=-1) < 0:
+            return unknown
+        told = self._told(then, now, objects, objects.outline.cut_from) * now.step
+        stands = (told < self.settings.least_rad).tolist()
+        return [stands[number] if number >= 0 else None for number in cut_from]
+
+    def _before(self, stamp_ns: int) -> Look | None:
+        """Give the outline to compare with; none if it is not old enough."""
+        settings, looks = self.settings, self._looks
+        most_ns = stamp_ns - round(settings.most_s * NANOSECONDS_PER_SECOND)
+        while len(looks) > 1 and looks[1].stamp_ns <= most_ns:
+            looks.popleft()
+        least_ns = stamp_ns - round(settings.least_s * NANOSECONDS_PER_SECOND)
+        return looks[0] if looks and looks[0].stamp_ns <= least_ns else None
+
+    def _told(
+        self, then: Look, now: Look, objects: Objects, cut_from: NDArray[np.int64]
+    ) -> NDArray[np.intp]:
+        """Count the sectors that tell that a long object moves, by its number."""
+        margin_m = self.settings.margin_m
+        came = now.long[then.saw_through(now.long_N, margin_m)]
+        gone_N = then.long_N[now.saw_through(then.long_N, margin_m)]
+        went = self._owners(gone_N, now.own, objects, cut_from)
+        return np.bincount(np.concatenate([came, went]), minlength=int(cut_from.max()) + 1)
+
+    def _owners(
+        self, gone_N: Float64, own: Stand, objects: Objects, cut_from: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
+        """Give the long objects that echoes, (L, 2), which are gone were of; none if too far."""
+        pieces = np.flatnonzero(cut_from >= 0)
+        pieces_N = objects.p_B[pieces] @ own.R_NB.T + own.p_N
+        away = np.linalg.norm(gone_N[:, None] - pieces_N, axis=2) - objects.radius[pieces]
+        nearest = away.argmin(axis=1)
+        is_near = away[np.arange(len(gone_N)), nearest] < self.settings.near_m
+        owners: NDArray[np.int64] = cut_from[pieces[nearest[is_near]]]
+        return owners
