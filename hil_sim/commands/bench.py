@@ -22,6 +22,7 @@ BY_DEFAULT = (
     "latency",
     "perception",
     "tracking",
+    "harbour",
     "assurance",
     "startup",
     "sitl",

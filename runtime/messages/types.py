@@ -146,6 +146,8 @@ class Outline:
     farthest that is looked at. Clockwise."""
     sensor_B: Float64
     """[m] [B, levelled] (2,) Where it begins."""
+    sector_rad: float
+    """[rad] Width of a sector."""
     is_closed: bool
     """True if the sectors are a full turn."""
     seen: NDArray[np.int64]
@@ -171,7 +173,7 @@ class Objects:
     """What is followed from scan to scan to measure velocities; None if not told. Not on the bus:
     those who listen have the tracks."""
     outline: Outline | None = None
-    """None if no object is long, or if it is not told. Not on the bus."""
+    """What tells whether long objects move; None if not told. Not on the bus."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

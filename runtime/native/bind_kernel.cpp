@@ -52,24 +52,27 @@ Given<double> objects(Kernel& kernel) {
   });
 }
 
-// The nearest echo of each sector: (A, 2) x, y, NaN where there is none; (A,) its circle, or -1.
+// The outline: (2,) where the sights begin; (A, 2) where they end; (A,) of which cut object, or -1.
 nb::tuple outline(Kernel& kernel) {
-  const std::vector<std::size_t>& nearest = kernel.outline();
-  const std::size_t sectors = nearest.size();
-  auto echoes = make_array<double>({sectors, 2}, [&](double* out) {
-    for (const std::size_t cell : nearest) {
-      const bool is_there = cell != Outline::NOTHING;
-      const double none = std::numeric_limits<double>::quiet_NaN();
-      *out++ = is_there ? kernel.image().echo(cell).x : none;
-      *out++ = is_there ? kernel.image().echo(cell).y : none;
+  const std::vector<Sight>* found = nullptr;
+  {
+    const nb::gil_scoped_release release;
+    found = &kernel.outline();
+  }
+  auto from = make_array<double>({2}, [&](double* out) {
+    out[0] = kernel.X_LS().t[0];
+    out[1] = kernel.X_LS().t[1];
+  });
+  auto ends = make_array<double>({found->size(), 2}, [&](double* out) {
+    for (const Sight& sight : *found) {
+      *out++ = sight.x;
+      *out++ = sight.y;
     }
   });
-  auto circles = make_array<std::int64_t>({sectors}, [&](std::int64_t* out) {
-    for (const std::size_t cell : nearest) {
-      *out++ = cell == Outline::NOTHING ? -1 : kernel.circle_of(cell);
-    }
+  auto seen = make_array<std::int64_t>({found->size()}, [&](std::int64_t* out) {
+    for (const Sight& sight : *found) *out++ = sight.seen;
   });
-  return nb::make_tuple(echoes, circles);
+  return nb::make_tuple(from, ends, seen);
 }
 
 // The strips of the objects: (K + 1,) the row at which each object's begin, and (S, 4) the rows:

@@ -7,6 +7,7 @@
 
 #include "arrays.hpp"
 #include "centroids.hpp"
+#include "free_water.hpp"
 #include "shift.hpp"
 #include "small.hpp"
 
@@ -37,6 +38,22 @@ bool any_crowded(In<-1, 2> places, In<-1, 2> centres, In<-1> radii) {
   require(centres.shape(0) == radii.size(), "crowded: a radius for each centre");
   return crowded({places.data(), places.size()}, {centres.data(), centres.size()},
                  {radii.data(), radii.size()});
+}
+
+void make_free_water(FreeWater* self, In<-1, 2> sights, const Pair2& from, double sector,
+                     double guard, bool is_closed) {
+  require(sector > 1e-4 && guard >= 0.0, "FreeWater: needs a sector's width, and no negative guard");
+  require(std::isfinite(from[0]) && std::isfinite(from[1]), "FreeWater: begins somewhere");
+  new (self)
+      FreeWater({sights.data(), sights.size()}, from[0], from[1], sector, guard, is_closed);
+}
+
+Given<bool> in_free_water(const FreeWater& water, In<-1, 2> places, double margin) {
+  return make_array<bool>({places.shape(0)}, [&](bool* out) {
+    for (std::size_t i = 0; i < places.shape(0); ++i) {
+      out[i] = water.holds(places.data()[2 * i], places.data()[2 * i + 1], margin);
+    }
+  });
 }
 
 // (3, K, M): squared distances without and with the gate's allowance, log |S| with it.
@@ -125,6 +142,10 @@ void bind_shift(nb::module_& m) {
       .def_ro("xx", &Shift::xx)
       .def_ro("xy", &Shift::xy)
       .def_ro("yy", &Shift::yy);
+  nb::class_<FreeWater>(m, "FreeWater", "Where a scan has shown the water to be free.")
+      .def("__init__", &make_free_water, nb::kw_only(), "sights"_a, "begin"_a, "sector"_a,
+           "guard"_a, "is_closed"_a)
+      .def("holds", &in_free_water, "places"_a, "margin"_a);
   nb::class_<ShiftFinder>(m, "ShiftFinder", "Finds strips again in the next scan.")
       .def(
           "__init__",

@@ -30,12 +30,13 @@ class Kernel {
         footprints_(footprint, image_.size()),
         circles_(rules, image_.size()),
         strips_({strip_gap, gates.range_max - strip_gap}, image_.size()),
-        outline_(scanner.columns(), sector) {}
+        outline_(scanner_, sector, gates.range_max) {}
   Kernel(const Kernel&) = delete;  // the stages refer to the scanner beside them
   Kernel& operator=(const Kernel&) = delete;
 
   Counts project(const Cloud& cloud, const Transform& X_BS, const Matrix& R_LB,
                  const Motion* motion) {
+    X_LS_ = product(R_LB, X_BS);
     return projection_(cloud, X_BS, R_LB, motion, image_);
   }
 
@@ -55,11 +56,16 @@ class Kernel {
     return strips_.strips();
   }
 
-  // The cell of the nearest echo of each sector, or Outline::NOTHING.
-  const std::vector<std::size_t>& outline() {
-    outline_(image_);
-    return outline_.nearest();
+  // Where each sector's sight ends, and of which cut object `objects` found pieces there.
+  const std::vector<Sight>& outline() {
+    return outline_(image_, X_LS_, [&](std::size_t cell) {
+      const std::int32_t circle = circle_of(cell);
+      return circle < 0 ? -1 : circles_.circles()[static_cast<std::size_t>(circle)].cut_from;
+    });
   }
+
+  // From the sensor to the levelled frame B, in the last scan.
+  const Transform& X_LS() const { return X_LS_; }
 
   std::size_t circles() const { return circles_.circles().size(); }
   const RangeImage& image() const { return image_; }
@@ -70,6 +76,7 @@ class Kernel {
   static constexpr int PASSES = 3;  // a vessel in more pieces than 2^3 is rare
 
   Scanner scanner_;
+  Transform X_LS_{};
   RangeImage image_;
   Projection projection_;
   Segmentation segmentation_;

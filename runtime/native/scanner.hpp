@@ -51,6 +51,7 @@ class Scanner {
         columns_(columns),
         wraps_(wraps),
         elevations_(elevations.begin(), elevations.end()),
+        first_azimuth_(first_azimuth),
         azimuth_step_(azimuth_step) {
     if (rows_ < 2 || columns_ < 2 || !(azimuth_step > 0.0)) {
       throw std::invalid_argument("Scanner: needs two beams, two columns and a positive step");
@@ -68,6 +69,8 @@ class Scanner {
   int columns() const { return columns_; }
   bool wraps() const { return wraps_; }
   double azimuth_step() const { return azimuth_step_; }
+  // Of a column, or of a place between two [rad].
+  double azimuth(double column) const { return first_azimuth_ + column * azimuth_step_; }
   const std::vector<double>& elevations() const { return elevations_; }
 
   const Bins& bins() const { return bins_; }
@@ -124,7 +127,7 @@ class Scanner {
   int rows_, columns_;
   bool wraps_;
   std::vector<double> elevations_;
-  double azimuth_step_;
+  double first_azimuth_, azimuth_step_;
   Bins bins_{};
   std::vector<float> edges_;
   std::vector<int> table_;

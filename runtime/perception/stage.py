@@ -66,9 +66,7 @@ class Perception:
         self._counts: Counts | None = None
         self._R_BS = _flat(sensor.R_BS)
         self._p_BS = sensor.mount_position_B.tolist()
-        self._R_LB = np.eye(3)
-        self._rays_B = sensor.R_BS @ _sector_rays(sensor)
-        self._reach_m = min(sensor.range_max_m, self.settings.max_range_m)
+        self._sector_rad = columns_a_sector(sensor) * sensor.azimuth_step
         self._kernel = make_kernel(sensor, self.settings)
 
     def step(
@@ -124,15 +122,13 @@ class Perception:
     ) -> None:
         roll, pitch, _ = euler_from_quaternion(_finite(q_NB, "attitude"))
         motion = self._motion(rates_B, velocity_B)
-        levelling = _levelling(roll, pitch)
-        self._R_LB = np.array(levelling).reshape(3, 3)
         self._counts = self._kernel.project(
             np.ascontiguousarray(cloud.points_S, np.float32),
             cloud.intensity,
             cloud.time_offset_s,
             self._R_BS,
             self._p_BS,
-            levelling,
+            _levelling(roll, pitch),
             motion,
         )
 
@@ -153,20 +149,15 @@ class Perception:
             outline=self._outline(table[:, 4].astype(np.int64)),
         )
 
-    def _outline(self, cut_from: NDArray[np.int64]) -> Outline | None:
-        """Give what tells whether long objects move; none if there is none."""
-        if (cut_from < 0).all():
-            return None
-        echoes_B, circle = self._kernel.outline()
-        sensor_B = (self._R_LB @ self.sensor.mount_position_B)[:2]
-        rays = (self._R_LB @ self._rays_B)[:2].T
-        reach = self._reach_m / np.hypot(rays[:, 0], rays[:, 1])
-        ends_B = sensor_B + reach[:, None] * rays
+    def _outline(self, cut_from: NDArray[np.int64]) -> Outline:
+        """Give what tells whether long objects move."""
+        sensor_B, sights_B, seen = self._kernel.outline()
         return Outline(
-            sights_B=np.where(np.isnan(echoes_B), ends_B, echoes_B),
+            sights_B=sights_B,
             sensor_B=sensor_B,
+            sector_rad=self._sector_rad,
             is_closed=self.sensor.wraps,
-            seen=np.where(circle >= 0, cut_from[circle], -1),
+            seen=seen,
             cut_from=cut_from,
         )
 
@@ -206,15 +197,6 @@ def _levelling(roll: float, pitch: float) -> list[float]:
     """Give R_LB, row by row: R_y(pitch) R_x(roll). Fossen (2021), eq. 2.31 without heading."""
     cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
     return [cp, sp * sr, sp * cr, 0.0, cr, -sr, -sp, cp * sr, cp * cr]
-
-
-def _sector_rays(sensor: Sensor) -> Float64:
-    """Give the directions of the outline's sectors' middles at no elevation, (3, A), frame S."""
-    columns, sector = sensor.image_shape[1], columns_a_sector(sensor)
-    first = np.arange(0, columns, sector)
-    middle = (first + np.minimum(first + sector, columns) - 1) / 2
-    azimuth = sensor.first_azimuth + sensor.azimuth_step * middle
-    return np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)])
 
 
 def _flat(matrix: Float64) -> list[float]:

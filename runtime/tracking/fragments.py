@@ -8,22 +8,25 @@ have their centres within one circle, so pieces that do belong together.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twinscrew.runtime._native import crowded
-from twinscrew.runtime.messages.types import Float64, Objects, Outline, Strips
+from twinscrew.runtime.messages.types import Float64, Objects, Strips
 
 
-def join_fragments(objects: Objects, p_B: Float64, radius: Float64) -> Objects:
+def join_fragments(
+    objects: Objects, stands: Sequence[bool | None], p_B: Float64, radius: Float64
+) -> tuple[Objects, Sequence[bool | None]]:
     """Replace objects within the circle of one track by one object.
 
     Parameters
     ----------
     objects
         As perception found them.
+    stands : (M,)
+        Of each, see `standing.Standing.pieces`: pieces of what stands remain apart.
     p_B : (K, 2) float64
         Where the tracks are expected [m], levelled frame B.
     radius : (K,) float64
@@ -34,37 +37,32 @@ def join_fragments(objects: Objects, p_B: Float64, radius: Float64) -> Objects:
     Objects
         The joined ones first: the mean of the points, the circle around that mean that holds the
         pieces' circles, the sum of the points. The others follow as they were.
+    stands
+        Of those: of what was joined nothing is known.
     """
     if not crowded(objects.p_B, p_B, radius):
-        return objects
+        return objects, stands
     offset = objects.p_B[None, :, :] - p_B[:, None, :]
     within = np.hypot(offset[..., 0], offset[..., 1]) <= radius[:, None]
-    groups, free = [], np.ones(len(objects.p_B), dtype=bool)
+    alone = np.array([stand is True for stand in stands])
+    groups, free = [], ~alone
     for members in within:
         pieces = np.flatnonzero(members & free)
         if len(pieces) > 1:
             groups.append(pieces)
             free[pieces] = False
     rows = [_joined(objects, pieces) for pieces in groups]
-    kept = np.flatnonzero(free)
+    kept = np.flatnonzero(free | alone)
     rows += [(*objects.p_B[i], objects.radius[i], objects.points[i]) for i in kept]
     table = np.array(rows, dtype=np.float64).reshape(-1, 4)
-    return Objects(
+    joined = Objects(
         stamp_ns=objects.stamp_ns,
         p_B=table[:, :2],
         radius=table[:, 2],
         points=table[:, 3].astype(np.int64),
         strips=_regrouped(objects.strips, [*groups, *kept.reshape(-1, 1)]),
-        outline=_renumbered(objects.outline, len(groups), kept),
     )
-
-
-def _renumbered(outline: Outline | None, joined: int, kept: NDArray[np.intp]) -> Outline | None:
-    """Give an outline whose pieces are the objects after joining: what was joined is whole."""
-    if outline is None:
-        return None
-    whole = np.full(joined, -1, dtype=np.int64)
-    return replace(outline, cut_from=np.concatenate([whole, outline.cut_from[kept]]))
+    return joined, [*[None] * len(groups), *(stands[i] for i in kept)]
 
 
 def _regrouped(strips: Strips | None, groups: Sequence[NDArray[np.intp]]) -> Strips | None:

@@ -9,15 +9,14 @@ some time ago, both in frame N.
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from twinscrew.runtime._native import FreeWater
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Objects, Outline
 from twinscrew.runtime.settings import Positive, Settings
 from twinscrew.runtime.tracking.measurement import Stand
@@ -45,17 +44,12 @@ class StandingSettings(Settings, frozen=True, kw_only=True):
 
 
 class Look(NamedTuple):
-    """An outline, seen from a place in N, prepared for questions."""
+    """What a scan's outline says, seen from a place in N."""
 
     stamp_ns: int
     own: Stand
-    sensor_B: Float64
-    step: float
-    """[rad] From one sector to the next."""
-    azimuth: Float64
-    """[rad] (A,) Rising."""
-    free: Float64
-    """[m] (A,) So far the water is free there, and to either side."""
+    water: FreeWater
+    """In the levelled frame B of that place."""
     long_N: Float64
     """[m] (L, 2) The echoes of long objects,"""
     long: NDArray[np.int64]
@@ -64,27 +58,20 @@ class Look(NamedTuple):
     @classmethod
     def of(cls, stamp_ns: int, outline: Outline, own: Stand, guard_rad: float) -> Look:
         """Prepare an outline."""
-        away = outline.sights_B - outline.sensor_B
-        azimuth, reach = np.arctan2(away[:, 1], away[:, 0]), np.hypot(away[:, 0], away[:, 1])
-        if not outline.is_closed:
-            reach[[0, -1]] = 0.0
-        first = int(azimuth.argmin())
-        azimuth, reach = np.roll(azimuth, -first), np.roll(reach, -first)
-        step = float(np.median(np.diff(azimuth)))
-        guard = min(math.ceil(guard_rad / step), len(reach))
-        around = np.concatenate([reach[-guard:], reach, reach[:guard]])
-        free = sliding_window_view(around, 2 * guard + 1).min(axis=1)
+        water = FreeWater(
+            sights=outline.sights_B,
+            begin=outline.sensor_B.tolist(),
+            sector=outline.sector_rad,
+            guard=guard_rad,
+            is_closed=outline.is_closed,
+        )
         is_long = outline.seen >= 0
         long_N = outline.sights_B[is_long] @ own.R_NB.T + own.p_N
-        seen = outline.seen[is_long]
-        return cls(stamp_ns, own, outline.sensor_B, step, azimuth, free, long_N, seen)
+        return cls(stamp_ns, own, water, long_N, outline.seen[is_long])
 
     def saw_through(self, p_N: Float64, margin_m: float) -> NDArray[np.bool_]:
         """Tell which places, (L, 2), lie in free water, and so deep [m]."""
-        away = (p_N - self.own.p_N) @ self.own.R_NB - self.sensor_B
-        azimuth = np.arctan2(away[:, 1], away[:, 0])
-        sector = np.searchsorted(self.azimuth, azimuth) % len(self.azimuth)
-        return np.hypot(away[:, 0], away[:, 1]) < self.free[sector] - margin_m
+        return self.water.holds((p_N - self.own.p_N) @ self.own.R_NB, margin_m)
 
 
 class Standing:
@@ -114,8 +101,9 @@ class Standing:
         cut_from = objects.outline.cut_from.tolist()
         if then is None or max(cut_from, default=-1) < 0:
             return unknown
-        told = self._told(then, now, objects, objects.outline.cut_from) * now.step
-        stands = (told < self.settings.least_rad).tolist()
+        told = self._told(then, now, objects, objects.outline.cut_from)
+        told_rad = told * objects.outline.sector_rad
+        stands = (told_rad < self.settings.least_rad).tolist()
         return [stands[number] if number >= 0 else None for number in cut_from]
 
     def _before(self, stamp_ns: int) -> Look | None:

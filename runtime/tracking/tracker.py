@@ -8,6 +8,7 @@ death. No clock and no randomness: time comes with the objects' stamps.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -123,8 +124,7 @@ class Tracker:
             return self._reported
         own = Stand.of(odometry)
         x, P = self._predicted(dt, own)
-        whole = self._joined(objects, x, own)
-        stands = self._standing.pieces(whole, own)
+        whole, stands = self._joined(objects, self._standing.pieces(objects, own), x, own)
         self._update(x, P, self._centroids.measure(whole, own, stands), own)
         self._drop()
         self._reported = self._report(objects.stamp_ns)
@@ -165,14 +165,16 @@ class Tracker:
         psd: Float64 = settings.rest_psd + share * (settings.acceleration_psd - settings.rest_psd)
         return psd
 
-    def _joined(self, objects: Objects, x: Float64, own: Stand) -> Objects:
+    def _joined(
+        self, objects: Objects, stands: Sequence[bool | None], x: Float64, own: Stand
+    ) -> tuple[Objects, Sequence[bool | None]]:
         """Put together what lies within the circle of one known track."""
         known = [k for k, t in enumerate(self._tracks) if t.confirmed and not t.stands]
         if not known or len(objects.p_B) < 2:
-            return objects
+            return objects, stands
         p_B = (x[known, :2] - own.p_N) @ own.R_NB
         radius = _floats([self._tracks[k].radius for k in known])
-        return join_fragments(objects, p_B, self.settings.life.join_share * radius)
+        return join_fragments(objects, stands, p_B, self.settings.life.join_share * radius)
 
     def _update(self, x: Float64, P: Float64, measured: Measurements, own: Stand) -> None:
         found = associate(x, P, measured, self.settings.gate_sigma)
