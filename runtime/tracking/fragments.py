@@ -62,7 +62,7 @@ def join_fragments(
         points=table[:, 3].astype(np.int64),
         strips=_regrouped(objects.strips, [*groups, *kept.reshape(-1, 1)]),
     )
-    return joined, [*[None] * len(groups), *(stands[i] for i in kept)]
+    return joined, [*[None] * len(groups), *(stands[i] for i in kept.tolist())]
 
 
 def _regrouped(strips: Strips | None, groups: Sequence[NDArray[np.intp]]) -> Strips | None:

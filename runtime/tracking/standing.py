@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -43,35 +44,57 @@ class StandingSettings(Settings, frozen=True, kw_only=True):
     """[m/s] How fast pieces of what stands may slide along it."""
 
 
-class Look(NamedTuple):
-    """What a scan's outline says, seen from a place in N."""
+class Look:
+    """What a scan's outline says, seen from a place in N; prepared when it is first asked for."""
 
-    stamp_ns: int
-    own: Stand
-    water: FreeWater
-    """In the levelled frame B of that place."""
-    long_N: Float64
-    """[m] (L, 2) The echoes of long objects,"""
-    long: NDArray[np.int64]
-    """(L,) and whose they are."""
+    def __init__(self, stamp_ns: int, outline: Outline, own: Stand, guard_rad: float) -> None:
+        self.stamp_ns = stamp_ns
+        self._outline = outline
+        self._own = own
+        self._guard_rad = guard_rad
 
-    @classmethod
-    def of(cls, stamp_ns: int, outline: Outline, own: Stand, guard_rad: float) -> Look:
-        """Prepare an outline."""
-        water = FreeWater(
-            sights=outline.sights_B,
-            begin=outline.sensor_B.tolist(),
-            sector=outline.sector_rad,
-            guard=guard_rad,
-            is_closed=outline.is_closed,
-        )
+    @cached_property
+    def long(self) -> tuple[Float64, NDArray[np.int64]]:
+        """The echoes of long objects, (L, 2) [m] in N, and the objects' numbers, (L,)."""
+        outline, own = self._outline, self._own
         is_long = outline.seen >= 0
-        long_N = outline.sights_B[is_long] @ own.R_NB.T + own.p_N
-        return cls(stamp_ns, own, water, long_N, outline.seen[is_long])
+        return outline.sights_B[is_long] @ own.R_NB.T + own.p_N, outline.seen[is_long]
 
     def saw_through(self, p_N: Float64, margin_m: float) -> NDArray[np.bool_]:
         """Tell which places, (L, 2), lie in free water, and so deep [m]."""
-        return self.water.holds((p_N - self.own.p_N) @ self.own.R_NB, margin_m)
+        own = self._own
+        return self._water.holds((p_N - own.p_N) @ own.R_NB, margin_m)
+
+    @cached_property
+    def _water(self) -> FreeWater:
+        """In the levelled frame B of the place."""
+        outline = self._outline
+        return FreeWater(
+            sights=outline.sights_B,
+            begin=outline.sensor_B.tolist(),
+            sector=outline.sector_rad,
+            guard=self._guard_rad,
+            is_closed=outline.is_closed,
+        )
+
+
+class Circles(NamedTuple):
+    """The pieces of long objects in a scan."""
+
+    p_N: Float64
+    """[m] (K, 2)"""
+    radius: Float64
+    """[m] (K,)"""
+    cut_from: NDArray[np.int64]
+    """(K,) The objects' numbers."""
+
+    def owners(self, p_N: Float64, near_m: float) -> NDArray[np.int64]:
+        """Give the objects of which echoes, (L, 2), that are gone were; none of those too far."""
+        away = np.linalg.norm(p_N[:, None] - self.p_N, axis=2) - self.radius
+        nearest = away.argmin(axis=1)
+        is_near = away[np.arange(len(p_N)), nearest] < near_m
+        owners: NDArray[np.int64] = self.cut_from[nearest[is_near]]
+        return owners
 
 
 class Standing:
@@ -95,16 +118,18 @@ class Standing:
         if objects.outline is None or not np.isfinite([*own.p_N, *own.R_NB[0]]).all():
             self.reset()
             return unknown
-        now = Look.of(objects.stamp_ns, objects.outline, own, self.settings.guard_rad)
+        now = Look(objects.stamp_ns, objects.outline, own, self.settings.guard_rad)
         then = self._before(now.stamp_ns)
         self._looks.append(now)
-        cut_from = objects.outline.cut_from.tolist()
-        if then is None or max(cut_from, default=-1) < 0:
+        cut_from = objects.outline.cut_from
+        pieces = np.flatnonzero(cut_from >= 0)
+        if then is None or len(pieces) == 0:
             return unknown
-        told = self._told(then, now, objects, objects.outline.cut_from)
-        told_rad = told * objects.outline.sector_rad
+        pieces_N = objects.p_B[pieces] @ own.R_NB.T + own.p_N
+        circles = Circles(pieces_N, objects.radius[pieces], cut_from[pieces])
+        told_rad = self._told(then, now, circles) * objects.outline.sector_rad
         stands = (told_rad < self.settings.least_rad).tolist()
-        return [stands[number] if number >= 0 else None for number in cut_from]
+        return [stands[number] if number >= 0 else None for number in cut_from.tolist()]
 
     def _before(self, stamp_ns: int) -> Look | None:
         """Give the outline to compare with; none if it is not old enough."""
@@ -115,24 +140,10 @@ class Standing:
         least_ns = stamp_ns - round(settings.least_s * NANOSECONDS_PER_SECOND)
         return looks[0] if looks and looks[0].stamp_ns <= least_ns else None
 
-    def _told(
-        self, then: Look, now: Look, objects: Objects, cut_from: NDArray[np.int64]
-    ) -> NDArray[np.intp]:
+    def _told(self, then: Look, now: Look, pieces: Circles) -> NDArray[np.intp]:
         """Count the sectors that tell that a long object moves, by its number."""
         margin_m = self.settings.margin_m
-        came = now.long[then.saw_through(now.long_N, margin_m)]
-        gone_N = then.long_N[now.saw_through(then.long_N, margin_m)]
-        went = self._owners(gone_N, now.own, objects, cut_from)
-        return np.bincount(np.concatenate([came, went]), minlength=int(cut_from.max()) + 1)
-
-    def _owners(
-        self, gone_N: Float64, own: Stand, objects: Objects, cut_from: NDArray[np.int64]
-    ) -> NDArray[np.int64]:
-        """Give the long objects that echoes, (L, 2), which are gone were of; none if too far."""
-        pieces = np.flatnonzero(cut_from >= 0)
-        pieces_N = objects.p_B[pieces] @ own.R_NB.T + own.p_N
-        away = np.linalg.norm(gone_N[:, None] - pieces_N, axis=2) - objects.radius[pieces]
-        nearest = away.argmin(axis=1)
-        is_near = away[np.arange(len(gone_N)), nearest] < self.settings.near_m
-        owners: NDArray[np.int64] = cut_from[pieces[nearest[is_near]]]
-        return owners
+        (now_N, seen), (then_N, _) = now.long, then.long
+        came = seen[then.saw_through(now_N, margin_m)]
+        went = pieces.owners(then_N[now.saw_through(then_N, margin_m)], self.settings.near_m)
+        return np.bincount(np.concatenate([came, went]), minlength=int(pieces.cut_from.max()) + 1)
