@@ -20,9 +20,13 @@ def objects(*rows):
     )
 
 
-def join(seen, *circles):
+def join_told(seen, stands, *circles):
     table = np.array(circles, dtype=float).reshape(-1, 3)
-    return join_fragments(seen, table[:, :2], table[:, 2])
+    return join_fragments(seen, stands, table[:, :2], table[:, 2])
+
+
+def join(seen, *circles):
+    return join_told(seen, [None] * len(seen.radius), *circles)[0]
 
 
 def test_pieces_within_one_circle_are_joined_by_their_points():
@@ -59,6 +63,27 @@ def test_a_piece_belongs_to_the_older_track_only():
     whole = join(seen, (10.4, 0, 1.0), (11.6, 0, 1.0))
     assert len(whole.p_B) == 2
     assert whole.points.tolist() == [200, 100]
+
+
+def test_pieces_of_what_stands_remain_apart():
+    seen = objects((10, -1, 0.5, 30), (10, 0, 0.5, 40), (10, 1, 0.6, 50), (3, 3, 0.7, 60))
+    whole, stands = join_told(seen, [True, False, True, None], (10, 0, 2.5))
+    assert whole.points.tolist() == [30, 40, 50, 60]
+    assert list(stands) == [True, False, True, None]
+
+
+def test_what_moves_beside_what_stands_is_joined_without_it():
+    seen = objects((10, -1, 0.5, 30), (10, 0, 0.5, 40), (10, 1, 0.6, 50), (3, 3, 0.7, 60))
+    whole, stands = join_told(seen, [False, True, None, True], (10, 0, 2.5))
+    assert whole.points.tolist() == [30 + 50, 40, 60]
+    assert list(stands) == [None, True, True]
+
+
+def test_what_is_told_stays_with_those_that_are_not_joined():
+    seen = objects((3, 3, 0.7, 60), (10, -1, 0.5, 30), (-4, 0, 0.5, 40), (10, 1, 0.6, 50))
+    whole, stands = join_told(seen, [True, False, False, False], (10, 0, 2.5))
+    assert whole.points.tolist() == [80, 60, 40]
+    assert list(stands) == [None, True, False]
 
 
 def test_strips_go_where_their_objects_go():

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from twinscrew.runtime.tracking.motion import bias_noise, motion_noise, transition
+from twinscrew.runtime.tracking.motion import bias_noise, motion_noise, slide_noise, transition
 
 BIAS = np.array([[0.04, 0.09]])
 """[m2] Along and across."""
@@ -45,3 +45,13 @@ def test_the_noise_is_a_covariance():
     Q = noise(0.1)
     assert np.array_equal(Q, Q.T)
     assert np.linalg.eigvalsh(Q).min() > 0.0
+
+
+def test_what_slides_may_be_elsewhere_and_nothing_else():
+    Q = slide_noise(0.5, np.array([0.0, 3.0]))
+    assert not Q[0].any()
+    assert np.array_equal(Q[1], np.diag([2.25, 2.25, 0.0, 0.0, 0.0, 0.0]))
+
+
+def test_no_track_slides_nowhere():
+    assert slide_noise(0.1, np.empty(0)).shape == (0, 6, 6)

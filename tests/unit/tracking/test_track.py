@@ -29,3 +29,11 @@ def test_a_track_counts_how_long_it_is_known_and_how_long_unseen():
     track.seen(track.x, track.P, 2.1, sight)
     assert (track.hits, track.scans, track.radius) == (2, 4, 2.1)
     assert (track.known_s, track.age_s) == pytest.approx((0.3, 0.0))
+
+
+@pytest.mark.parametrize(("told", "stands"), [(True, True), (False, False), (None, False)])
+def test_a_track_stands_as_it_was_last_seen(told, stands):
+    track = Track(np.array([5.0, 6.0]), H, R, 2.0, PRIOR, Sight(0, NO_STRIPS, not stands))
+    assert track.stands is not stands
+    track.seen(track.x, track.P, 2.0, Sight(1, NO_STRIPS, told))
+    assert track.stands is stands

@@ -1,0 +1,198 @@
+"""Long things stand, or move: what the outline tells in scenes whose truth is known."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.reference.flat_world import Eye, look, scans, ship, stand, wall, watch
+
+from twinscrew.runtime.messages.types import Objects, Outline
+from twinscrew.runtime.tracking.standing import Standing, StandingSettings
+
+STILL = lambda t: (0.0, 0.0, 0.0)  # noqa: E731
+AHEAD = lambda t: (2.0 * t, 0.0, 0.0)  # noqa: E731
+QUAY = wall((-100.0, 6.0), (100.0, 6.0))
+"""Longer than can be seen."""
+SHIP = ship(-12.0, 8.0, 0.0, 2.0)
+"""It goes past at 2 m/s."""
+ON_ODOMETRY_ERROR = 0.1, math.radians(0.3)
+"""[m], [rad] How far places and headings are off, at most."""
+
+
+def told_of(answers, body=0):
+    """Give all that was said of a body."""
+    return set().union(*(answer[body] for answer in answers))
+
+
+def test_nothing_is_said_before_the_outlines_are_far_enough_apart():
+    answers = watch([QUAY], AHEAD, scans(1.0))
+    assert told_of(answers) == {None}
+
+
+def test_a_long_wall_that_is_passed_stands():
+    answers = watch([QUAY], AHEAD, scans(6.0))
+    assert told_of(answers[10:]) == {True}
+
+
+@pytest.mark.parametrize(
+    "vessel",
+    [
+        SHIP,
+        ship(-12.0, 8.0, 0.0, 1.0),
+        ship(22.0, 4.0, math.pi, 2.0),  # comes, bow-on
+        ship(11.0, 4.0, 0.0, 2.0),  # goes away
+    ],
+    ids=["passing", "slow", "coming", "going away"],
+)
+def test_a_ship_under_way_moves(vessel):
+    answers = watch([vessel], STILL, scans(8.0))
+    assert {False} in (answer[0] for answer in answers)
+    assert told_of(answers) <= {None, False}
+
+
+def test_a_ship_passed_at_anchor_stands():
+    answers = watch([ship(10.0, 7.0, 0.0, 0.0)], AHEAD, scans(8.0))
+    assert told_of(answers[20:]) == {True}
+
+
+@pytest.mark.parametrize("behind_m", [6.0, 8.0])
+def test_a_wall_behind_a_passing_ship_stands_while_the_ship_moves(behind_m):
+    """The ship hides a part of it, which comes out again."""
+    far = SHIP.corners_N[:, 1].max() + behind_m
+    answers = watch([SHIP, wall((-60.0, far), (60.0, far))], STILL, scans(14.0))
+    assert told_of(answers, 0) == {None, False}
+    assert told_of(answers, 1) == {None, True}
+    assert {True} in (answer[1] for answer in answers[60:])
+
+
+def test_a_wall_that_comes_out_from_behind_a_nearer_thing_stands():
+    nearer = ship(8.0, 5.0, 0.0, 0.0, (5.0, 2.0))
+    answers = watch([wall((-100.0, 10.0), (100.0, 10.0)), nearer], AHEAD, scans(8.0))
+    assert told_of(answers[10:], 0) == {True}
+
+
+@pytest.mark.parametrize("turn_radps", [0.4, -0.4])
+def test_a_quay_that_comes_out_of_the_blind_sector_stands(turn_radps):
+    """The sensor sees a third of the turn, and the boat turns until the quay is abeam of it."""
+    eye = Eye(240, 2 * math.pi / 3)
+    path = lambda t: (0.5 * t, 0.0, math.pi / 2 + turn_radps * (t - 6.0))  # noqa: E731
+    answers = watch([QUAY], path, scans(9.0), eye)
+    assert answers[0] == [set()]
+    assert told_of(answers) <= {None, True}
+    assert answers[-1] == [{True}]
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "bank", [QUAY, wall((-100.0, 6.0), (10.0, 6.0), (10.0, 30.0))], ids=["endless", "corner"]
+)
+def test_places_and_headings_that_are_a_little_off_move_no_wall(bank, seed):
+    rng = np.random.default_rng(seed)
+    place_m, heading_rad = ON_ODOMETRY_ERROR
+
+    def told(place):
+        return stand(tuple(place + rng.uniform(-1, 1, 3) * [place_m, place_m, heading_rad]))
+
+    answers = watch([bank], lambda t: (2.0 * t - 10.0, 0.0, 0.0), scans(10.0), told=told)
+    assert told_of(answers[10:]) == {True}
+
+
+def disturbed(body, spoil):
+    """Give what is said of a body of which the 21st scan is spoilt."""
+    standing, verdicts = Standing(StandingSettings()), []
+    for k, t in enumerate(scans(5.0)):
+        objects, _ = look([body], t, STILL(t), Eye())
+        own = stand(STILL(t))
+        if k == 20:
+            objects, own = spoil(objects, own)
+        verdicts.append(set(standing.pieces(objects, own)))
+    return verdicts
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda objects, own: (objects, own._replace(p_N=np.array([math.nan, 0.0]))),
+        lambda objects, own: (objects, own._replace(p_N=np.array([0.0, math.inf]))),
+        lambda objects, own: (objects, own._replace(R_NB=np.full((2, 2), math.nan))),
+        lambda objects, own: (replace(objects, outline=None), own),
+    ],
+    ids=["nan", "infinite", "heading", "no outline"],
+)
+@pytest.mark.parametrize(("body", "verdict"), [(QUAY, True), (SHIP, False)])
+def test_after_a_scan_that_tells_nothing_nothing_is_known_and_then_the_truth(body, verdict, spoil):
+    verdicts = disturbed(body, spoil)
+    assert verdicts[19] == {verdict}
+    assert all(one == {None} for one in verdicts[20:31])
+    assert all(one == {verdict} for one in verdicts[31:])
+
+
+@pytest.mark.parametrize(("body", "verdict"), [(QUAY, True), (ship(-6, 8, 0, 2), False)])
+def test_after_a_gap_of_three_seconds_the_truth_is_told_at_once(body, verdict):
+    answers = watch([body], STILL, [0.0, 3.0, 3.1, 3.2])
+    assert answers == [[{None}], *[[{verdict}]] * 3]
+
+
+def test_after_a_reset_nothing_is_known():
+    standing = Standing(StandingSettings())
+    for t in scans(3.0):
+        last = standing.pieces(look([QUAY], t, STILL(t), Eye())[0], stand(STILL(t)))
+    standing.reset()
+    fresh = standing.pieces(look([QUAY], 3.0, STILL(3.0), Eye())[0], stand(STILL(3.0)))
+    assert (set(last), set(fresh)) == ({True}, {None})
+
+
+@pytest.mark.parametrize("speed", [1.0, 2.0])
+def test_a_moored_ship_that_starts_is_told_within_two_seconds(speed):
+    answers = watch([ship(0.0, 8.0, 0.0, speed, start_s=3.0)], STILL, scans(8.0))
+    assert told_of(answers[10:31]) == {True}
+    assert told_of(answers[50:]) == {False}
+
+
+def test_a_ship_that_has_moored_stands_once_no_outline_of_before_is_left():
+    answers = watch([ship(-6.0, 8.0, 0.0, 2.0, stop_s=3.0)], STILL, scans(8.0))
+    assert told_of(answers[10:31]) == {False}
+    assert told_of(answers[51:]) == {True}
+
+
+def test_what_is_not_long_is_not_told_of_beside_what_is():
+    buoy = ship(4.0, -5.0, 0.0, 0.0, (1.0, 1.0))
+    standing = Standing(StandingSettings())
+    for t in scans(2.0):
+        objects, owner = look([QUAY, buoy], t, STILL(t), Eye())
+        verdicts = standing.pieces(objects, stand(STILL(t)))
+    assert {v for v, body in zip(verdicts, owner, strict=True) if body == 1} == {None}
+    assert {v for v, body in zip(verdicts, owner, strict=True) if body == 0} == {True}
+
+
+@pytest.mark.parametrize("is_closed", [True, False])
+@pytest.mark.parametrize("sectors", [2, 3])
+def test_few_sectors_are_enough_to_be_asked(sectors, is_closed):
+    azimuth = 2 * math.pi * (np.arange(sectors) + 0.5) / sectors
+    sights_B = 8.0 * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+    outline = Outline(
+        sights_B=sights_B,
+        sensor_B=np.zeros(2),
+        sector_rad=2 * math.pi / sectors,
+        is_closed=is_closed,
+        seen=np.zeros(sectors, dtype=np.int64),
+        cut_from=np.array([0, 0]),
+    )
+    standing = Standing(StandingSettings())
+    for k in range(20):
+        objects = Objects(
+            stamp_ns=k * 100_000_000,
+            p_B=sights_B[:2],
+            radius=np.full(2, 2.0),
+            points=np.full(2, 50),
+            outline=outline,
+        )
+        verdicts = standing.pieces(objects, stand((0.0, 0.0, 0.0)))
+    assert verdicts == [True, True]
+
+
+def test_an_empty_sea_is_told_of_without_objects():
+    standing = Standing(StandingSettings())
+    for t in scans(2.0):
+        assert list(standing.pieces(look([], t, STILL(t), Eye())[0], stand(STILL(t)))) == []
