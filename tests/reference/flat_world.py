@@ -107,11 +107,11 @@ def look(
         pieces = _cut(sights_B[run])
         if len(pieces) > 1:
             seen[run] = number
-        for rows in pieces:
-            echoes = sights_B[run[rows]]
+        for piece in pieces:
+            echoes = sights_B[run[piece]]
             centre = echoes.mean(axis=0)
             radius = np.linalg.norm(echoes - centre, axis=1).max()
-            table.append([*centre, radius, 20 * len(rows)])
+            table.append([*centre, radius, 20 * len(piece)])
             cut_from.append(number if len(pieces) > 1 else NOTHING)
             owner.append(body[run[0]])
     rows = np.array(table, dtype=np.float64).reshape(-1, 4)

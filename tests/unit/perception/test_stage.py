@@ -2,54 +2,14 @@ import math
 
 import numpy as np
 import pytest
+from tests.unit.perception.echoes import LEVEL, cloud, post, sensor, wall
 
 from twinscrew.runtime.errors import ConfigError, MessageError
-from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_from_quaternion
-from twinscrew.runtime.messages.types import PointCloud
-from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
+from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.perception.settings import PerceptionSettings, WaterSettings
 from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.settings import convert
-
-LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
-MOUNT = Mount(x_m=0.43, y_m=0.0, z_m=1.93)
-
-
-def sensor(name: str = "vrx32") -> Sensor:
-    return load_sensor(name).mounted(MOUNT)
-
-
-def cloud(points_S: np.ndarray, **more: np.ndarray) -> PointCloud:
-    points = np.ascontiguousarray(points_S, np.float32)
-    return PointCloud(stamp_ns=7, frame_id="s", points_S=points, **more)
-
-
-def post(
-    s: Sensor, forward: float, starboard: float, radius: float = 0.4, q_NB: np.ndarray = LEVEL
-) -> np.ndarray:
-    """Give the echoes of an upright cylinder, 0.4 to 1.9 m over the origin, frame S."""
-    R_BS, p_BS = (
-        rotation_from_quaternion(q_NB) @ s.R_BS,
-        rotation_from_quaternion(q_NB) @ s.mount_position_B,
-    )
-    rays = (s.directions_S().reshape(-1, 3).astype(np.float64)) @ R_BS.T
-    centre = np.array([forward, starboard]) - p_BS[:2]
-    a = (rays[:, :2] ** 2).sum(axis=1)
-    b = rays[:, :2] @ centre
-    root = b * b - a * (centre @ centre - radius**2)
-    t = np.where(root > 0, (b - np.sqrt(np.maximum(root, 0))) / a, -1.0)
-    height = -(p_BS[2] + t * rays[:, 2])
-    hit = (t > 0) & (height > 0.4) & (height < 1.9)
-    return (rays[hit] * t[hit][:, None]) @ R_BS
-
-
-def wall(s: Sensor, starboard: float) -> np.ndarray:
-    """Give the echoes of a wall along the vessel, up to 2 m high, 40 m long, frame S."""
-    rays = s.directions_S().reshape(-1, 3).astype(np.float64)
-    t = np.where(rays[:, 1] > 1e-6, starboard / np.maximum(rays[:, 1], 1e-6), -1.0)
-    p = rays * t[:, None] + s.mount_position_B
-    hit = (t > 0) & (p[:, 2] < -0.4) & (p[:, 2] > -2.0) & (np.abs(p[:, 0]) < 20.0)
-    return p[hit] - s.mount_position_B
 
 
 def test_an_empty_cloud_has_no_objects() -> None:
