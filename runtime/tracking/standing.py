@@ -96,6 +96,11 @@ class Circles(NamedTuple):
         owners: NDArray[np.int64] = self.cut_from[nearest[is_near]]
         return owners
 
+    def met(self, p_N: Float64, near_m: float) -> set[int]:
+        """Give the objects on which echoes, (L, 2), lie; none that is farther than this counts."""
+        away = np.linalg.norm(p_N[:, None] - self.p_N, axis=2) - self.radius
+        return set(self.cut_from[(away < near_m).any(axis=0)].tolist())
+
 
 class Standing:
     """Remembers outlines for as long as they are compared."""
@@ -129,7 +134,8 @@ class Standing:
         circles = Circles(pieces_N, objects.radius[pieces], cut_from[pieces])
         told_rad = self._told(then, now, circles) * objects.outline.sector_rad
         stands = (told_rad < self.settings.least_rad).tolist()
-        return [stands[number] if number >= 0 else None for number in cut_from.tolist()]
+        known = circles.met(then.long[0], self.settings.margin_m)
+        return [stands[number] if number in known else None for number in cut_from.tolist()]
 
     def _before(self, stamp_ns: int) -> Look | None:
         """Give the outline to compare with; none if it is not old enough."""
