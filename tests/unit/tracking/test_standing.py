@@ -69,7 +69,9 @@ def test_a_wall_behind_a_passing_ship_stands_while_the_ship_moves(behind_m):
 def test_a_wall_that_comes_out_from_behind_a_nearer_thing_stands():
     nearer = ship(8.0, 5.0, 0.0, 0.0, (5.0, 2.0))
     answers = watch([wall((-100.0, 10.0), (100.0, 10.0)), nearer], AHEAD, scans(8.0))
-    assert told_of(answers[10:], 0) == {True}
+    assert told_of(answers[10:25], 0) == {True}
+    assert told_of(answers[25:60], 0) == {None, True}  # each part is known once it was seen
+    assert told_of(answers[60:], 0) == {True}
 
 
 @pytest.mark.parametrize("turn_radps", [0.4, -0.4])
@@ -154,6 +156,15 @@ def test_a_ship_that_has_moored_stands_once_no_outline_of_before_is_left():
     answers = watch([ship(-6.0, 8.0, 0.0, 2.0, stop_s=3.0)], STILL, scans(8.0))
     assert told_of(answers[10:31]) == {False}
     assert told_of(answers[51:]) == {True}
+
+
+def test_a_ship_that_was_too_short_to_tell_of_is_unknown_until_she_can_be_told_of():
+    """End-on she is no long thing; then the boat comes to see her side."""
+    vessel = ship(10.7, 1.3, 0.1, 1.05, (9.5, 1.8))
+    answers = watch([vessel], lambda t: (0.76 * t, 1.18 * t, 0.0), scans(6.0))
+    assert [answer[0] for answer in answers[:10]] == [set()] * 10
+    assert told_of(answers) == {None, False}
+    assert answers[-1] == [{False}]
 
 
 def test_what_is_not_long_is_not_told_of_beside_what_is():
