@@ -185,6 +185,9 @@ class CentroidModel:
         self, places: NDArray[np.float64], radius: NDArray[np.float64], north: float, east: float
     ) -> NDArray[np.float64]: ...
 
+def nearest_circles(
+    places: NDArray[np.float64], centres: NDArray[np.float64], radii: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]: ...
 def crowded(
     places: NDArray[np.float64], centres: NDArray[np.float64], radii: NDArray[np.float64]
 ) -> bool: ...

@@ -56,6 +56,22 @@ Given<bool> in_free_water(const FreeWater& water, In<-1, 2> places, double margi
   });
 }
 
+// (L,) the circle nearest to each place, and (L,) how far its edge is.
+nb::tuple nearest_circles(In<-1, 2> places, In<-1, 2> centres, In<-1> radii) {
+  require(centres.shape(0) == radii.size(), "nearest_circles: a radius for each centre");
+  const std::size_t size = places.shape(0);
+  std::vector<NearestCircle> found(size);
+  for (std::size_t i = 0; i < size; ++i) {
+    found[i] = nearest_circle(places.data()[2 * i], places.data()[2 * i + 1],
+                              {centres.data(), centres.size()}, {radii.data(), radii.size()});
+  }
+  auto circles = make_array<std::int64_t>(
+      {size}, [&](auto* out) { for (const NearestCircle& n : found) *out++ = n.circle; });
+  auto away = make_array<double>(
+      {size}, [&](auto* out) { for (const NearestCircle& n : found) *out++ = n.away; });
+  return nb::make_tuple(circles, away);
+}
+
 // (3, K, M): squared distances without and with the gate's allowance, log |S| with it.
 Given<double> innovations(In<-1, 6> x, In<-1, 6, 6> P, In<-1, 2> z, In<-1, 2, 6> H, In<-1, 2, 2> R,
                           In<-1> gate) {
@@ -182,6 +198,8 @@ void bind_tracking(nb::module_& m) {
       .def("bias_variance", &bias_variance, "places"_a, "radius"_a, "north"_a, "east"_a);
   m.def("invert_stack", &invert_stack, "matrices"_a,
         "Invert symmetric positive definite matrices, (K, n, n), n at most 8.");
+  m.def("nearest_circles", &nearest_circles, "places"_a, "centres"_a, "radii"_a,
+        "The circle nearest to each place, and how far its edge is.");
   m.def("crowded", &any_crowded, "places"_a, "centres"_a, "radii"_a,
         "Whether two of the places lie within one of the circles.");
   m.def("innovations", &innovations, "x"_a, "P"_a, "z"_a, "H"_a, "R"_a, "gate"_a,

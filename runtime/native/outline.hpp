@@ -2,9 +2,11 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "projection.hpp"
@@ -21,13 +23,16 @@ struct Sight {
 class Outline {
  public:
   // A sector is so many columns side by side; the last may have fewer. reach: [m].
-  Outline(const Scanner& scanner, int sector, double reach) : sector_(sector), reach_(reach) {
-    for (int first = 0; first < scanner.columns(); first += sector) {
-      const int last = std::min(first + sector, scanner.columns()) - 1;
-      const double azimuth = scanner.azimuth(0.5 * (first + last));
+  Outline(const Scanner& scanner, int sector, double reach)
+      : columns_(scanner.columns()),
+        sector_(sector),
+        reach_(reach),
+        range_(static_cast<std::size_t>(columns_) + RangeImage::WORD),
+        row_(range_.size()) {
+    for (int first = 0; first < columns_; first += sector_) {
+      const double azimuth = scanner.azimuth(0.5 * (first + end_of(first) - 1));
       rays_.push_back({std::cos(azimuth), std::sin(azimuth)});
     }
-    nearest_.resize(rays_.size());
     sights_.resize(rays_.size());
   }
 
@@ -36,32 +41,62 @@ class Outline {
   const std::vector<Sight>& operator()(const RangeImage& image, const Transform& X_LS,
                                        Whose whose) {
     find_nearest(image);
-    for (std::size_t i = 0; i < sights_.size(); ++i) {
-      const std::size_t cell = nearest_[i];
-      if (cell == NOTHING) {
+    std::size_t i = 0;
+    for (int first = 0; first < columns_; first += sector_, ++i) {
+      const auto begin = range_.begin() + first;
+      const auto nearest = std::min_element(begin, range_.begin() + end_of(first));
+      if (*nearest == NOTHING) {
         sights_[i] = end(rays_[i], X_LS);
       } else {
-        const Echo& echo = image.echo(cell);
-        sights_[i] = {echo.x, echo.y, whose(cell)};
+        const auto column = static_cast<int>(nearest - range_.begin());
+        const std::size_t cell = image.cell(row_[static_cast<std::size_t>(column)], column);
+        sights_[i] = {image.echo(cell).x, image.echo(cell).y, whose(cell)};
       }
     }
     return sights_;
   }
 
  private:
-  static constexpr std::size_t NOTHING = static_cast<std::size_t>(-1);
+  static constexpr float NOTHING = std::numeric_limits<float>::infinity();
   struct Ray {
     double x, y;  // in the sensor's frame, level
   };
 
+  int end_of(int first) const { return std::min(first + sector_, columns_); }
+
+  // Finds each column's nearest echo; where a row has echoes side by side, many at once.
   void find_nearest(const RangeImage& image) {
-    std::fill(nearest_.begin(), nearest_.end(), NOTHING);
+    std::fill(range_.begin(), range_.end(), NOTHING);
     for (int row = 0; row < image.rows(); ++row) {
-      image.each_in_row(row, [&](int column, std::size_t cell) {
-        std::size_t& nearest = nearest_[static_cast<std::size_t>(column / sector_)];
-        if (nearest == NOTHING || image.range(cell) < image.range(nearest)) nearest = cell;
-      });
+      const float* const ranges = image.ranges() + image.cell(row, 0);
+      const std::uint64_t* const words = image.row_words(row);
+      for (std::size_t word = 0; word < image.words(); ++word) {
+        const std::size_t first = word * RangeImage::WORD;
+        if (words[word] == ALL) {
+          keep_all(ranges + first, row, &range_[first], &row_[first]);
+        } else {
+          for (std::uint64_t bits = words[word]; bits != 0; bits &= bits - 1) {
+            const std::size_t column = first + static_cast<std::size_t>(std::countr_zero(bits));
+            keep(column, row, ranges[column]);
+          }
+        }
+      }
     }
+  }
+
+  static void keep_all(const float* ranges, std::int32_t row, float* __restrict nearest,
+                       std::int32_t* __restrict rows) {
+    for (std::size_t k = 0; k < RangeImage::WORD; ++k) {
+      const bool is_nearer = ranges[k] < nearest[k];
+      rows[k] = is_nearer ? row : rows[k];
+      nearest[k] = is_nearer ? ranges[k] : nearest[k];
+    }
+  }
+
+  void keep(std::size_t column, int row, float range) {
+    const bool is_nearer = range < range_[column];
+    row_[column] = is_nearer ? row : row_[column];
+    range_[column] = is_nearer ? range : range_[column];
   }
 
   Sight end(const Ray& ray, const Transform& X_LS) const {
@@ -71,10 +106,13 @@ class Outline {
     return {X_LS.t[0] + scale * x, X_LS.t[1] + scale * y, -1};
   }
 
-  int sector_;
+  static constexpr std::uint64_t ALL = ~std::uint64_t{0};
+
+  int columns_, sector_;
   double reach_;
+  std::vector<float> range_;       // [m] of each column's nearest echo
+  std::vector<std::int32_t> row_;  // and where it is
   std::vector<Ray> rays_;
-  std::vector<std::size_t> nearest_;  // the cell of each sector's nearest echo
   std::vector<Sight> sights_;
 };
 

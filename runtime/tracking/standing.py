@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twinscrew.runtime._native import FreeWater
+from twinscrew.runtime._native import FreeWater, nearest_circles
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Objects, Outline
 from twinscrew.runtime.settings import Positive, Settings
 from twinscrew.runtime.tracking.measurement import Stand
@@ -88,18 +88,11 @@ class Circles(NamedTuple):
     cut_from: NDArray[np.int64]
     """(K,) The objects' numbers."""
 
-    def owners(self, p_N: Float64, near_m: float) -> NDArray[np.int64]:
-        """Give the objects of which echoes, (L, 2), that are gone were; none of those too far."""
-        away = np.linalg.norm(p_N[:, None] - self.p_N, axis=2) - self.radius
-        nearest = away.argmin(axis=1)
-        is_near = away[np.arange(len(p_N)), nearest] < near_m
-        owners: NDArray[np.int64] = self.cut_from[nearest[is_near]]
-        return owners
-
-    def met(self, p_N: Float64, near_m: float) -> set[int]:
-        """Give the objects on which echoes, (L, 2), lie; none that is farther than this counts."""
-        away = np.linalg.norm(p_N[:, None] - self.p_N, axis=2) - self.radius
-        return set(self.cut_from[(away < near_m).any(axis=0)].tolist())
+    def nearest(self, p_N: Float64, near_m: float) -> NDArray[np.int64]:
+        """Give the objects to which places, (L, 2), are nearest; none for those too far off."""
+        nearest, away = nearest_circles(p_N, self.p_N, self.radius)
+        objects: NDArray[np.int64] = self.cut_from[nearest[away < near_m]]
+        return objects
 
 
 class Standing:
@@ -134,7 +127,7 @@ class Standing:
         circles = Circles(pieces_N, objects.radius[pieces], cut_from[pieces])
         told_rad = self._told(then, now, circles) * objects.outline.sector_rad
         stands = (told_rad < self.settings.least_rad).tolist()
-        known = circles.met(then.long[0], self.settings.margin_m)
+        known = set(circles.nearest(then.long[0], self.settings.margin_m).tolist())
         return [stands[number] if number in known else None for number in cut_from.tolist()]
 
     def _before(self, stamp_ns: int) -> Look | None:
@@ -151,5 +144,5 @@ class Standing:
         margin_m = self.settings.margin_m
         (now_N, seen), (then_N, _) = now.long, then.long
         came = seen[then.saw_through(now_N, margin_m)]
-        went = pieces.owners(then_N[now.saw_through(then_N, margin_m)], self.settings.near_m)
+        went = pieces.nearest(then_N[now.saw_through(then_N, margin_m)], self.settings.near_m)
         return np.bincount(np.concatenate([came, went]), minlength=int(pieces.cut_from.max()) + 1)
