@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.reference import free_water as water_reference
 from tests.reference import outline as outline_reference
 
-from twinscrew.runtime._native import FreeWater
+from twinscrew.runtime._native import FreeWater, nearest_circles
 from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_from_quaternion
 from twinscrew.runtime.messages.types import PointCloud
 from twinscrew.runtime.perception.kernel import SECTOR_RAD
@@ -51,7 +51,7 @@ def scene(rng: np.random.Generator, s: Sensor) -> np.ndarray:
         low = rng.integers(len(ranges))
         away = rng.uniform(2.0, 23.0) + rng.uniform(-8.0, 8.0) / columns * np.arange(count)
         ranges[low:, across] = np.minimum(ranges[low:, across], np.maximum(away, 0.8))
-    ranges[rng.random(ranges.shape) < 0.05] = np.inf
+    ranges[rng.random(ranges.shape) < rng.choice([0.0, 0.05])] = np.inf
     seen = np.isfinite(ranges)
     return (s.directions_S()[seen] * ranges[seen][:, None]).astype(np.float32)
 
@@ -136,3 +136,30 @@ def test_free_water_that_cannot_be_is_refused(
 ) -> None:
     with pytest.raises(ValueError, match=words):
         FreeWater(sights=np.ones((4, 2)), begin=begin, sector=sector, guard=guard, is_closed=True)
+
+
+@given(places=st.integers(0, 6), circles=st.integers(0, 5), seed=st.integers(0, 10**6))
+def test_the_nearest_circle_is_that_whose_edge_is(places: int, circles: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    p, centres = rng.normal(0.0, 5.0, (places, 2)), rng.normal(0.0, 5.0, (circles, 2))
+    radii = rng.uniform(0.0, 4.0, circles)
+    nearest, away = nearest_circles(p, centres, radii)
+    edges = np.linalg.norm(p[:, None] - centres, axis=2) - radii
+    if circles:
+        assert nearest.tolist() == edges.argmin(axis=1).tolist()
+        assert away == pytest.approx(edges.min(axis=1))
+    else:
+        assert nearest.tolist() == [-1] * places
+        assert np.isinf(away).all()
+
+
+def test_places_that_are_no_numbers_are_near_nothing() -> None:
+    places = np.array([[math.nan, 0.0], [0.0, math.nan], [1.0, 1.0]])
+    nearest, away = nearest_circles(places, np.zeros((1, 2)), np.ones(1))
+    assert nearest.tolist() == [-1, -1, 0]
+    assert np.isinf(away[:2]).all()
+
+
+def test_every_circle_needs_a_radius_to_be_nearest() -> None:
+    with pytest.raises(ValueError, match="a radius for each centre"):
+        nearest_circles(np.zeros((2, 2)), np.zeros((2, 2)), np.zeros(1))

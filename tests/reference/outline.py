@@ -41,9 +41,10 @@ def outline(
     ends, seen = [], []
     for first in range(0, ranges.shape[1], sector):
         columns = np.arange(first, min(first + sector, ranges.shape[1]))
-        echoes = [(ranges[i, j], i, j) for i in range(len(ranges)) for j in columns if ranges[i, j]]
+        rows = range(len(ranges))
+        echoes = [(ranges[i, j], j, i) for j in columns for i in rows if ranges[i, j] > 0.0]
         if echoes:
-            _, i, j = min(echoes)
+            _, j, i = min(echoes)
             ends.append(p_B[i, j])
             seen.append(cut_from[circles[i, j]] if circles[i, j] >= 0 else -1)
         else:
