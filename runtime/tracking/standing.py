@@ -43,6 +43,11 @@ class StandingSettings(Settings, frozen=True, kw_only=True):
     slide_mps: Positive = 3.0
     """[m/s] How fast pieces of what stands may slide along it."""
 
+    def __post_init__(self) -> None:
+        """Refuse times between which no outline lies."""
+        if self.least_s > self.most_s:
+            raise ValueError("least_s must not be greater than most_s")
+
 
 class Look:
     """What a scan's outline says, seen from a place in N; prepared when it is first asked for."""
