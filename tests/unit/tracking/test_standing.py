@@ -207,3 +207,9 @@ def test_an_empty_sea_is_told_of_without_objects():
     standing = Standing(StandingSettings())
     for t in scans(2.0):
         assert list(standing.pieces(look([], t, STILL(t), Eye())[0], stand(STILL(t)))) == []
+
+
+def test_times_between_which_no_outline_lies_are_refused():
+    with pytest.raises(ValueError, match="least_s must not be greater"):
+        StandingSettings(least_s=2.5, most_s=2.0)
+    assert StandingSettings(least_s=2.0, most_s=2.0).least_s == 2.0
