@@ -17,6 +17,7 @@ import numpy as np
 from twinscrew.hil_sim import random_scenario
 from twinscrew.hil_sim.random_scenario import Coordinate, RandomSettings
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.geometry.frames import rotation_2d
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import NonNegative, Positive, Settings, load, shipped
 
@@ -124,9 +125,11 @@ def load_scenario(
     path = shipped("scenarios", name)
     file = load(path, ScenarioFile)
     try:
-        return _make(path.stem, file, vessels, buoys, seed)
+        scenario = _make(path.stem, file, vessels, buoys, seed)
+        _require_water(scenario)
     except ConfigError as error:
         raise ConfigError(str(error), file=path) from error
+    return scenario
 
 
 def _make(
@@ -147,6 +150,19 @@ def _require_sea(sea: str) -> None:
         shipped("sea", sea)
     except ConfigError as error:
         raise ConfigError(str(error), key="sea") from error
+
+
+def _require_water(scenario: Scenario) -> None:
+    """Refuse vessels that begin, or are to go, where a quay stands."""
+    places = {"start": scenario.starts[:, :2], "goal": scenario.goals}
+    for i, (north, east, length, width, _, heading) in enumerate(scenario.quays):
+        for what, places_N in places.items():
+            ahead, abeam = ((places_N - (north, east)) @ rotation_2d(heading)).T
+            within = (abs(ahead) <= length / 2) & (abs(abeam) <= width / 2)
+            for vessel in np.flatnonzero(within):
+                raise ConfigError(
+                    f"the {what} of {scenario.names[vessel]} lies within quay {i + 1}", key="quay"
+                )
 
 
 def _require_count(what: str, asked: int | None, there: int) -> None:

@@ -82,13 +82,13 @@ def write(path: Path, text: str) -> Path:
     return path
 
 
+QUAY = "[[quay]]\ncentre_m = [20, 0]\nsize_m = [30, 4, 1.5]\nheading_deg = 180\n"
 VESSEL = "[[vessel]]\nstart_m = [1, 2]\nheading_deg = 90\ngoal_m = [30, 40]\n"
 
 
 def test_a_written_scenario_is_read_as_written(tmp_path: Path) -> None:
-    quay = "[[quay]]\ncentre_m = [20, 0]\nsize_m = [30, 4, 1.5]\nheading_deg = 180\n"
     buoy = "[[buoy]]\ncentre_m = [9, 8]\nradius_m = 1.0\n"
-    path = write(tmp_path / "mine.toml", 'sea = "calm"\ntime_limit_s = 40\n' + VESSEL + buoy + quay)
+    path = write(tmp_path / "mine.toml", 'sea = "calm"\ntime_limit_s = 40\n' + VESSEL + buoy + QUAY)
     scenario = load_scenario(path)
     assert (scenario.name, scenario.sea, scenario.time_limit_s) == ("mine", "calm", 40.0)
     np.testing.assert_allclose(scenario.starts, [[1, 2, math.pi / 2]])
@@ -116,6 +116,16 @@ def test_a_written_scenario_is_read_as_written(tmp_path: Path) -> None:
             r"centre_m\[1\]: .*>= -10000000\.0",
         ),
         ("[random]\nvessel_area_m = [-1e9, 1e9]\n", r"vessel_area_m\[0\]: .*>= -10"),
+        (
+            VESSEL + "[[quay]]\ncentre_m = [0, 2]\nsize_m = [4, 2, 1]\n",
+            "quay: the start of wamv1 lies within quay 1",
+        ),
+        (
+            VESSEL
+            + QUAY
+            + "[[quay]]\ncentre_m = [30, 45]\nsize_m = [12, 1, 1]\nheading_deg = 90\n",
+            "quay: the goal of wamv1 lies within quay 2",
+        ),
         ("sea = 'stormy'\n" + VESSEL, "sea: .*'stormy' is not one of 'calm', 'paper', 'rough'"),
     ],
 )
