@@ -95,7 +95,15 @@ class Kernel:
     def segment(self) -> int: ...
     def objects(self) -> NDArray[np.float64]: ...
     def strips(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]: ...
-    def outline(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]: ...
+    def outline(
+        self,
+    ) -> tuple[
+        NDArray[np.float64],
+        NDArray[np.float64],
+        NDArray[np.float64],
+        NDArray[np.float64],
+        NDArray[np.int64],
+    ]: ...
     def range_image(self) -> NDArray[np.float32]: ...
     def point_image(self) -> NDArray[np.int32]: ...
     def labels(self) -> NDArray[np.int32]: ...
@@ -120,12 +128,19 @@ class FreeWater:
         self,
         *,
         sights: NDArray[np.float64],
+        heights: NDArray[np.float64],
+        seen: NDArray[np.int64],
         begin: Sequence[float],
         sector: float,
         guard: float,
         is_closed: bool,
+        elevations: NDArray[np.float64],
+        down: Sequence[float],
+        least: float,
     ) -> None: ...
-    def holds(self, places: NDArray[np.float64], margin: float) -> NDArray[np.bool_]: ...
+    def ask(
+        self, places: NDArray[np.float64], tops: NDArray[np.float64], margin: float
+    ) -> tuple[NDArray[np.int8], NDArray[np.int64]]: ...
 
 class ShiftFinder:
     def __init__(
@@ -185,9 +200,6 @@ class CentroidModel:
         self, places: NDArray[np.float64], radius: NDArray[np.float64], north: float, east: float
     ) -> NDArray[np.float64]: ...
 
-def nearest_circles(
-    places: NDArray[np.float64], centres: NDArray[np.float64], radii: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]: ...
 def crowded(
     places: NDArray[np.float64], centres: NDArray[np.float64], radii: NDArray[np.float64]
 ) -> bool: ...

@@ -138,23 +138,32 @@ class Outline:
     """Where the nearest echoes are, all around: up to there the water is free.
 
     Objects too long for a circle are cut into pieces. Where the pieces are tells nothing of how the
-    object moves; where the outline goes into what was free does.
+    object moves; where the outline goes into what was free does. What is low may lie under all
+    beams, so that the beams belong to it.
     """
 
     sights_B: Float64
     """[m] [B, levelled] (A, 2) Where each sector's sight ends: at its nearest echo, or at the
     farthest that is looked at. Clockwise."""
-    sensor_B: Float64
-    """[m] [B, levelled] (2,) Where it begins."""
-    sector_rad: float
-    """[rad] Width of a sector."""
-    is_closed: bool
-    """True if the sectors are a full turn."""
+    height_m: Float64
+    """[m] (A,) Height of those echoes over the vessel's origin, up; NaN where there is none."""
     seen: NDArray[np.int64]
     """[-] (A,) The number of the long object that it ends at; -1 for all else."""
     cut_from: NDArray[np.int64]
     """[-] (K,) Of each of the scan's objects, the number of the long one that it is a piece of; -1
     if it is all of itself."""
+    sector_rad: float
+    """[rad] Width of a sector."""
+    is_closed: bool
+    """True if the sectors are a full turn."""
+    sensor_B: Float64
+    """[m] [B, levelled] (3,) Where the sights begin."""
+    down_B: Float64
+    """[-] [B, levelled] (3,) The sensor's z axis."""
+    elevation_rad: Float64
+    """[rad] (M,) Of the beams from the sensor's own level, rising, upwards."""
+    least_m: float
+    """[m] Echoes lower than this over the vessel's origin are left out: the water's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

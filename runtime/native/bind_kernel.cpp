@@ -52,16 +52,18 @@ Given<double> objects(Kernel& kernel) {
   });
 }
 
-// The outline: (2,) where the sights begin; (A, 2) where they end; (A,) of which cut object, or -1.
+// The outline: (3,) where the sights begin, and (3,) the sensor's z axis, levelled frame B; (A, 2)
+// where they end; (A,) heights of their echoes, NaN without; (A,) of which cut object, or -1.
 nb::tuple outline(Kernel& kernel) {
   const std::vector<Sight>* found = nullptr;
   {
     const nb::gil_scoped_release release;
     found = &kernel.outline();
   }
-  auto from = make_array<double>({2}, [&](double* out) {
-    out[0] = kernel.X_LS().t[0];
-    out[1] = kernel.X_LS().t[1];
+  const Transform& X_LS = kernel.X_LS();
+  auto begin = make_array<double>({3}, [&](double* out) { std::ranges::copy(X_LS.t, out); });
+  auto down = make_array<double>({3}, [&](double* out) {
+    for (const std::size_t i : {2, 5, 8}) *out++ = X_LS.R[i];
   });
   auto ends = make_array<double>({found->size(), 2}, [&](double* out) {
     for (const Sight& sight : *found) {
@@ -69,10 +71,13 @@ nb::tuple outline(Kernel& kernel) {
       *out++ = sight.y;
     }
   });
+  auto heights = make_array<double>({found->size()}, [&](double* out) {
+    for (const Sight& sight : *found) *out++ = sight.height;
+  });
   auto seen = make_array<std::int64_t>({found->size()}, [&](std::int64_t* out) {
     for (const Sight& sight : *found) *out++ = sight.seen;
   });
-  return nb::make_tuple(from, ends, seen);
+  return nb::make_tuple(begin, down, ends, heights, seen);
 }
 
 // The strips of the objects: (K + 1,) the row at which each object's begin, and (S, 4) the rows:

@@ -17,6 +17,8 @@ using namespace nb::literals;
 namespace twinscrew {
 namespace {
 
+using Numbers = Array<const std::int64_t, -1>;
+
 Shift find_shift(ShiftFinder& finder, In<-1, 4> before, In<-1, 4> after, const Pair2& guess,
                  const Pair2& centre, double turn) {
   require(turn > 0.0, "ShiftFinder: turn must be positive");
@@ -40,36 +42,49 @@ bool any_crowded(In<-1, 2> places, In<-1, 2> centres, In<-1> radii) {
                  {radii.data(), radii.size()});
 }
 
-void make_free_water(FreeWater* self, In<-1, 2> sights, const Pair2& from, double sector,
-                     double guard, bool is_closed) {
-  require(sector > 1e-4 && guard >= 0.0, "FreeWater: needs a sector's width, and no negative guard");
-  require(std::isfinite(from[0]) && std::isfinite(from[1]), "FreeWater: begins somewhere");
-  new (self)
-      FreeWater({sights.data(), sights.size()}, from[0], from[1], sector, guard, is_closed);
-}
-
-Given<bool> in_free_water(const FreeWater& water, In<-1, 2> places, double margin) {
-  return make_array<bool>({places.shape(0)}, [&](bool* out) {
-    for (std::size_t i = 0; i < places.shape(0); ++i) {
-      out[i] = water.holds(places.data()[2 * i], places.data()[2 * i + 1], margin);
-    }
-  });
-}
-
-// (L,) the circle nearest to each place, and (L,) how far its edge is.
-nb::tuple nearest_circles(In<-1, 2> places, In<-1, 2> centres, In<-1> radii) {
-  require(centres.shape(0) == radii.size(), "nearest_circles: a radius for each centre");
-  const std::size_t size = places.shape(0);
-  std::vector<NearestCircle> found(size);
-  for (std::size_t i = 0; i < size; ++i) {
-    found[i] = nearest_circle(places.data()[2 * i], places.data()[2 * i + 1],
-                              {centres.data(), centres.size()}, {radii.data(), radii.size()});
+// down: the sensor's z axis; begin: where it is (3,), z down, levelled frame B.
+Beams beams_of(In<-1> elevations, const std::array<double, 3>& begin,
+               const std::array<double, 3>& down, double least) {
+  require(down[2] > 0.1, "FreeWater: the sensor's z axis points down, more or less");
+  Beams beams{{}, -begin[2], down[0] / down[2], down[1] / down[2], least};
+  for (std::size_t i = 0; i < elevations.size(); ++i) {
+    beams.tangents.push_back(std::tan(elevations.data()[i]));
   }
-  auto circles = make_array<std::int64_t>(
-      {size}, [&](auto* out) { for (const NearestCircle& n : found) *out++ = n.circle; });
-  auto away = make_array<double>(
-      {size}, [&](auto* out) { for (const NearestCircle& n : found) *out++ = n.away; });
-  return nb::make_tuple(circles, away);
+  return beams;
+}
+
+void make_free_water(FreeWater* self, In<-1, 2> sights, In<-1> heights, Numbers seen,
+                     const std::array<double, 3>& begin, double sector, double guard,
+                     bool is_closed, In<-1> elevations, const std::array<double, 3>& down,
+                     double least) {
+  const std::size_t size = sights.shape(0);
+  require(heights.size() == size && seen.size() == size,
+          "FreeWater: a height and a number for each sight");
+  require(sector > 1e-4 && guard >= 0.0, "FreeWater: needs a sector's width, and no negative guard");
+  require(std::isfinite(begin[0]) && std::isfinite(begin[1]), "FreeWater: begins somewhere");
+  std::vector<SightRow> rows;
+  rows.reserve(size);
+  for (std::size_t i = 0; i < size; ++i) {
+    const bool is_echo = !std::isnan(heights.data()[i]);
+    rows.push_back({sights.data()[2 * i], sights.data()[2 * i + 1], is_echo, seen.data()[i]});
+  }
+  new (self) FreeWater(rows, begin[0], begin[1], sector, guard, is_closed,
+                       beams_of(elevations, begin, down, least));
+}
+
+// (L,) of each place 0 if nothing is known, 1 if it is free, 2 if taken; and by what, or -1.
+nb::tuple ask_free_water(const FreeWater& water, In<-1, 2> places, In<-1> tops, double margin) {
+  const std::size_t size = places.shape(0);
+  require(tops.size() == size, "FreeWater: a height for each place");
+  std::vector<FreeWater::Told> told(size);
+  for (std::size_t i = 0; i < size; ++i) {
+    told[i] = water.ask(places.data()[2 * i], places.data()[2 * i + 1], tops.data()[i], margin);
+  }
+  auto answers = make_array<std::int8_t>(
+      {size}, [&](auto* out) { for (const auto& t : told) *out++ = t.answer; });
+  auto whose = make_array<std::int64_t>(
+      {size}, [&](auto* out) { for (const auto& t : told) *out++ = t.whose; });
+  return nb::make_tuple(answers, whose);
 }
 
 // (3, K, M): squared distances without and with the gate's allowance, log |S| with it.
@@ -93,7 +108,6 @@ Given<double> innovations(In<-1, 6> x, In<-1, 6, 6> P, In<-1, 2> z, In<-1, 2, 6>
   });
 }
 
-using Numbers = Array<const std::int64_t, -1>;
 
 // One column of what was measured, an array of its own.
 template <class Pick>
@@ -158,10 +172,10 @@ void bind_shift(nb::module_& m) {
       .def_ro("xx", &Shift::xx)
       .def_ro("xy", &Shift::xy)
       .def_ro("yy", &Shift::yy);
-  nb::class_<FreeWater>(m, "FreeWater", "Where a scan has shown the water to be free.")
-      .def("__init__", &make_free_water, nb::kw_only(), "sights"_a, "begin"_a, "sector"_a,
-           "guard"_a, "is_closed"_a)
-      .def("holds", &in_free_water, "places"_a, "margin"_a);
+  nb::class_<FreeWater>(m, "FreeWater", "What a scan has shown of places on the water.")
+      .def("__init__", &make_free_water, nb::kw_only(), "sights"_a, "heights"_a, "seen"_a,
+           "begin"_a, "sector"_a, "guard"_a, "is_closed"_a, "elevations"_a, "down"_a, "least"_a)
+      .def("ask", &ask_free_water, "places"_a, "tops"_a, "margin"_a);
   nb::class_<ShiftFinder>(m, "ShiftFinder", "Finds strips again in the next scan.")
       .def(
           "__init__",
@@ -198,8 +212,6 @@ void bind_tracking(nb::module_& m) {
       .def("bias_variance", &bias_variance, "places"_a, "radius"_a, "north"_a, "east"_a);
   m.def("invert_stack", &invert_stack, "matrices"_a,
         "Invert symmetric positive definite matrices, (K, n, n), n at most 8.");
-  m.def("nearest_circles", &nearest_circles, "places"_a, "centres"_a, "radii"_a,
-        "The circle nearest to each place, and how far its edge is.");
   m.def("crowded", &any_crowded, "places"_a, "centres"_a, "radii"_a,
         "Whether two of the places lie within one of the circles.");
   m.def("innovations", &innovations, "x"_a, "P"_a, "z"_a, "H"_a, "R"_a, "gate"_a,

@@ -1,10 +1,12 @@
-// Where a scan has shown the water to be free: what tells whether long objects move. The same in
-// plain numpy: tests/reference/free_water.py.
+// What a scan has shown of places on the water: free, or something there, or nothing known. The
+// same in plain numpy: tests/reference/free_water.py.
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <numbers>
 #include <span>
@@ -12,58 +14,104 @@
 
 namespace twinscrew {
 
+// Whether some beam passes over a place low enough, but not so low that its echo would be taken for
+// the water's. Heights [m] are over the vessel's origin, up; without beams nothing is overlooked.
+struct Beams {
+  std::vector<double> tangents;  // of the elevations from the sensor's own level, rising
+  double height = 0.0;           // of the sensor
+  double lean_x = 0.0, lean_y = 0.0;  // by how much its level rises ahead and to starboard
+  double least = 0.0;            // lower echoes are the water's
+
+  bool meet(double dx, double dy, double top) const {
+    if (tangents.empty()) return true;
+    const double away = std::hypot(dx, dy);
+    const double rise = (lean_x * dx + lean_y * dy) / away;
+    // tan(a - b), of the slopes of the lines of sight to the lowest and the highest place.
+    const auto from_level = [&](double z) {
+      const double slope = (z - height) / away;
+      return (slope - rise) / (1.0 + slope * rise);
+    };
+    const auto beam = std::lower_bound(tangents.begin(), tangents.end(), from_level(least));
+    return beam != tangents.end() && *beam <= from_level(top);
+  }
+};
+
+// One sector's sight.
+struct SightRow {
+  double x, y;         // [m] where it ends
+  bool is_echo;        // at an echo, or where nothing more is looked at
+  std::int64_t whose;  // echo
+};
+
 class FreeWater {
  public:
-  // sights: (A, 2) where each sector's sight ends [m], levelled frame B; from: where they begin.
-  // Where nothing is looked at, as beside an image that is no full turn, no water is free; nor is it
-  // within `guard` [rad] of a sight that ends before.
-  FreeWater(std::span<const double> sights, double from_x, double from_y, double sector,
-            double guard, bool is_closed)
-      : x_(from_x),
-        y_(from_y),
-        free_(static_cast<std::size_t>(std::ceil(TURN / sector)), UNSEEN),
-        per_rad_(static_cast<double>(free_.size()) / TURN) {
-    const std::size_t count = sights.size() / 2;
-    for (std::size_t i = 0; i < count; ++i) {
-      const double dx = sights[2 * i] - x_, dy = sights[2 * i + 1] - y_;
-      const bool is_edge = !is_closed && (i == 0 || i + 1 == count);
-      double& free = free_[bin(dx, dy)];
-      free = std::min(free, is_edge ? 0.0 : std::hypot(dx, dy));
+  enum Answer : std::int8_t { UNKNOWN, FREE, TAKEN };
+  struct Told {
+    Answer answer;
+    std::int64_t whose;  // what takes the place
+  };
+
+  // The sights begin at x, y. Where nothing is looked at, as beside an image that is no full turn,
+  // nothing is known; nor is it behind a sight within `guard` [rad] that ends before.
+  FreeWater(std::span<const SightRow> sights, double x, double y, double sector, double guard,
+            bool is_closed, Beams beams)
+      : x_(x),
+        y_(y),
+        bins_(static_cast<std::size_t>(std::ceil(TURN / sector))),
+        per_rad_(static_cast<double>(bins_.size()) / TURN),
+        beams_(std::move(beams)) {
+    for (std::size_t i = 0; i < sights.size(); ++i) {
+      const double dx = sights[i].x - x_, dy = sights[i].y - y_;
+      const bool is_edge = !is_closed && (i == 0 || i + 1 == sights.size());
+      const double reach = is_edge ? 0.0 : std::hypot(dx, dy);
+      Bin& bin = bins_[index(dx, dy)];
+      if (reach < bin.free) bin = {reach, sights[i].is_echo, sights[i].whose};
     }
     narrow(static_cast<std::size_t>(std::ceil(guard * per_rad_)));
   }
 
-  // Is a place in free water, and further from its end than the margin [m]?
-  bool holds(double x, double y, double margin) const {
-    const double dx = x - x_, dy = y - y_;
-    return std::hypot(dx, dy) < free_[bin(dx, dy)] - margin;
+  // What is known of a place where something reaches up to `top` [m], and a margin [m] around it?
+  Told ask(double x, double y, double top, double margin) const {
+    const double dx = x - x_, dy = y - y_, away = std::hypot(dx, dy);
+    const Bin& bin = bins_[index(dx, dy)];
+    if (away < bin.free - margin) return {beams_.meet(dx, dy, top) ? FREE : UNKNOWN, NOBODY};
+    if (bin.is_echo && away <= bin.free + margin) return {TAKEN, bin.whose};
+    return {UNKNOWN, NOBODY};
   }
 
  private:
   static constexpr double TURN = 2.0 * std::numbers::pi;
-  static constexpr double UNSEEN = std::numeric_limits<double>::infinity();
+  static constexpr std::int64_t NOBODY = -1;
+  struct Bin {
+    double free = std::numeric_limits<double>::infinity();  // [m]
+    bool is_echo = false;
+    std::int64_t whose = NOBODY;
+  };
 
-  std::size_t bin(double dx, double dy) const {
+  std::size_t index(double dx, double dy) const {
     const double real = (std::atan2(dy, dx) + std::numbers::pi) * per_rad_;
-    return real > 0.0 ? std::min(static_cast<std::size_t>(real), free_.size() - 1) : 0;
+    return real > 0.0 ? std::min(static_cast<std::size_t>(real), bins_.size() - 1) : 0;
   }
 
-  // Leaves in each bin the least of those around it, so many to either side; 0 where none was seen.
+  // Leaves in each bin the nearest of those around it, so many to either side.
   void narrow(std::size_t guard) {
-    const std::size_t size = free_.size();
+    const std::size_t size = bins_.size();
     guard = std::min(guard, size / 2);
-    const std::vector<double> seen = free_;
+    const std::vector<Bin> seen = bins_;
     for (std::size_t i = 0; i < size; ++i) {
       for (std::size_t k = 1; k <= guard; ++k) {
-        free_[i] = std::min({free_[i], seen[(i + k) % size], seen[(i + size - k) % size]});
+        for (const Bin& other : {seen[(i + k) % size], seen[(i + size - k) % size]}) {
+          if (other.free < bins_[i].free) bins_[i] = other;
+        }
       }
-      if (free_[i] == UNSEEN) free_[i] = 0.0;
+      if (std::isinf(bins_[i].free)) bins_[i] = {0.0, false, NOBODY};
     }
   }
 
   double x_, y_;  // [m]
-  std::vector<double> free_;  // [m] of each bin of azimuth, from -pi on
+  std::vector<Bin> bins_;  // of azimuth, from -pi on
   double per_rad_;
+  Beams beams_;
 };
 
 }  // namespace twinscrew

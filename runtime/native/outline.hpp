@@ -16,7 +16,8 @@
 namespace twinscrew {
 
 struct Sight {
-  double x, y;       // [m] levelled frame B: the nearest echo, or the end of what is looked at
+  double x, y;        // [m] levelled frame B: the nearest echo, or the end of what is looked at
+  double height;      // [m] of the echo, up from the vessel's origin; NaN where there is none
   std::int32_t seen;  // what `whose` says of the echo's cell, -1 where there is none
 };
 
@@ -27,6 +28,7 @@ class Outline {
       : columns_(scanner.columns()),
         sector_(sector),
         reach_(reach),
+        elevations_(scanner.elevations()),
         range_(static_cast<std::size_t>(columns_) + RangeImage::WORD),
         row_(range_.size()) {
     for (int first = 0; first < columns_; first += sector_) {
@@ -50,7 +52,8 @@ class Outline {
       } else {
         const auto column = static_cast<int>(nearest - range_.begin());
         const std::size_t cell = image.cell(row_[static_cast<std::size_t>(column)], column);
-        sights_[i] = {image.echo(cell).x, image.echo(cell).y, whose(cell)};
+        const double height = height_of(row_[static_cast<std::size_t>(column)], i, *nearest, X_LS);
+        sights_[i] = {image.echo(cell).x, image.echo(cell).y, height, whose(cell)};
       }
     }
     return sights_;
@@ -103,13 +106,23 @@ class Outline {
     const double x = X_LS.R[0] * ray.x + X_LS.R[1] * ray.y;
     const double y = X_LS.R[3] * ray.x + X_LS.R[4] * ray.y;
     const double scale = reach_ / std::hypot(x, y);
-    return {X_LS.t[0] + scale * x, X_LS.t[1] + scale * y, -1};
+    const double none = std::numeric_limits<double>::quiet_NaN();
+    return {X_LS.t[0] + scale * x, X_LS.t[1] + scale * y, none, -1};
+  }
+
+  // Of an echo of a row, in a sector.
+  double height_of(int row, std::size_t sector, double range, const Transform& X_LS) const {
+    const double elevation = elevations_[static_cast<std::size_t>(row)];
+    const double level = range * std::cos(elevation);
+    return -(X_LS.R[6] * level * rays_[sector].x + X_LS.R[7] * level * rays_[sector].y -
+             X_LS.R[8] * range * std::sin(elevation) + X_LS.t[2]);
   }
 
   static constexpr std::uint64_t ALL = ~std::uint64_t{0};
 
   int columns_, sector_;
   double reach_;
+  std::vector<double> elevations_;
   std::vector<float> range_;       // [m] of each column's nearest echo
   std::vector<std::int32_t> row_;  // and where it is
   std::vector<Ray> rays_;

@@ -58,22 +58,6 @@ inline bool crowded(std::span<const double> places, std::span<const double> cent
   return false;
 }
 
-// The circle to whose edge a place is nearest, and how far that is: less than 0 inside [m].
-struct NearestCircle {
-  std::int64_t circle;  // -1 if there is none
-  double away;
-};
-inline NearestCircle nearest_circle(double x, double y, std::span<const double> centres,
-                                    std::span<const double> radii) {
-  NearestCircle nearest{-1, std::numeric_limits<double>::infinity()};
-  for (std::size_t k = 0; k < radii.size(); ++k) {
-    const double dx = x - centres[2 * k], dy = y - centres[2 * k + 1];
-    const double away = std::sqrt(dx * dx + dy * dy) - radii[k];
-    if (away < nearest.away) nearest = {static_cast<std::int64_t>(k), away};
-  }
-  return nearest;
-}
-
 // What a tracker knows, and what a scan says of it.
 struct Predicted {
   std::span<const double> x, P;  // (K, 6), (K, 6, 6)

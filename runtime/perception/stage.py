@@ -67,6 +67,8 @@ class Perception:
         self._R_BS = _flat(sensor.R_BS)
         self._p_BS = sensor.mount_position_B.tolist()
         self._sector_rad = columns_a_sector(sensor) * sensor.azimuth_step
+        water = self.settings.water
+        self._least_m = -math.inf if water is None else water.surface_m + water.clearance_m
         self._kernel = make_kernel(sensor, self.settings)
 
     def step(
@@ -151,14 +153,18 @@ class Perception:
 
     def _outline(self, cut_from: NDArray[np.int64]) -> Outline:
         """Give what tells whether long objects move."""
-        sensor_B, sights_B, seen = self._kernel.outline()
+        sensor_B, down_B, sights_B, height_m, seen = self._kernel.outline()
         return Outline(
             sights_B=sights_B,
-            sensor_B=sensor_B,
-            sector_rad=self._sector_rad,
-            is_closed=self.sensor.wraps,
+            height_m=height_m,
             seen=seen,
             cut_from=cut_from,
+            sector_rad=self._sector_rad,
+            is_closed=self.sensor.wraps,
+            sensor_B=sensor_B,
+            down_B=down_B,
+            elevation_rad=self.sensor.elevations,
+            least_m=self._least_m,
         )
 
     def range_image(self) -> Float32:

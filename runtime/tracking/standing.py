@@ -17,10 +17,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from twinscrew.runtime._native import FreeWater, nearest_circles
+from twinscrew.runtime._native import FreeWater
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Objects, Outline
-from twinscrew.runtime.settings import Positive, Settings
+from twinscrew.runtime.settings import NonNegative, Positive, Settings
 from twinscrew.runtime.tracking.measurement import Stand
+
+UNKNOWN, FREE, TAKEN = range(3)
+"""What a scan has shown of a place."""
 
 
 class StandingSettings(Settings, frozen=True, kw_only=True):
@@ -29,15 +32,15 @@ class StandingSettings(Settings, frozen=True, kw_only=True):
     least_s: Positive = 1.0
     """[s] The outlines that are compared lie at least this far apart, and"""
     most_s: Positive = 2.0
-    """[s] if the long objects have been seen for so long, this far."""
+    """[s] if the long object was in sight for so long, this far."""
     margin_m: Positive = 0.5
     """[m] How deep in free water an echo must lie to tell of motion."""
-    guard_rad: Positive = 0.0175
+    height_m: NonNegative = 0.2
+    """[m] A beam must have passed this far below an echo: the boat heaves, and beams have gaps."""
+    guard_rad: NonNegative = 0.0175
     """[rad] How far to either side the water must be as free: headings are not exact."""
     least_rad: Positive = 0.01
     """[rad] Over so wide an angle echoes must tell of it."""
-    near_m: Positive = 3.0
-    """[m] What has gone from a place was part of a long object that is no farther than this now."""
     sigma_mps: Positive = 0.1
     """[m/s] Standard deviation of each velocity component of what stands."""
     slide_mps: Positive = 3.0
@@ -49,55 +52,58 @@ class StandingSettings(Settings, frozen=True, kw_only=True):
             raise ValueError("least_s must not be greater than most_s")
 
 
+class Echoes(NamedTuple):
+    """Those of long objects in an outline."""
+
+    p_N: Float64
+    """[m] (L, 2)"""
+    height_m: Float64
+    """[m] (L,)"""
+    whose: NDArray[np.int64]
+    """(L,) The objects' numbers."""
+
+
 class Look:
     """What a scan's outline says, seen from a place in N; prepared when it is first asked for."""
 
-    def __init__(self, stamp_ns: int, outline: Outline, own: Stand, guard_rad: float) -> None:
+    def __init__(
+        self, stamp_ns: int, outline: Outline, own: Stand, settings: StandingSettings
+    ) -> None:
         self.stamp_ns = stamp_ns
-        self._outline = outline
+        self.outline = outline
         self._own = own
-        self._guard_rad = guard_rad
+        self._settings = settings
 
     @cached_property
-    def long(self) -> tuple[Float64, NDArray[np.int64]]:
-        """The echoes of long objects, (L, 2) [m] in N, and the objects' numbers, (L,)."""
-        outline, own = self._outline, self._own
+    def long(self) -> Echoes:
+        """The echoes of long objects."""
+        outline, own = self.outline, self._own
         is_long = outline.seen >= 0
-        return outline.sights_B[is_long] @ own.R_NB.T + own.p_N, outline.seen[is_long]
+        p_N = outline.sights_B[is_long] @ own.R_NB.T + own.p_N
+        return Echoes(p_N, outline.height_m[is_long], outline.seen[is_long])
 
-    def saw_through(self, p_N: Float64, margin_m: float) -> NDArray[np.bool_]:
-        """Tell which places, (L, 2), lie in free water, and so deep [m]."""
-        own = self._own
-        return self._water.holds((p_N - own.p_N) @ own.R_NB, margin_m)
+    def ask(self, echoes: Echoes) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
+        """Tell what is known of the places of another scan's echoes, and who takes them, (L,)."""
+        own, settings = self._own, self._settings
+        places_B = (echoes.p_N - own.p_N) @ own.R_NB
+        return self._water.ask(places_B, echoes.height_m - settings.height_m, settings.margin_m)
 
     @cached_property
     def _water(self) -> FreeWater:
         """In the levelled frame B of the place."""
-        outline = self._outline
+        outline = self.outline
         return FreeWater(
             sights=outline.sights_B,
+            heights=outline.height_m,
+            seen=outline.seen,
             begin=outline.sensor_B.tolist(),
             sector=outline.sector_rad,
-            guard=self._guard_rad,
+            guard=self._settings.guard_rad,
             is_closed=outline.is_closed,
+            elevations=outline.elevation_rad,
+            down=outline.down_B.tolist(),
+            least=outline.least_m,
         )
-
-
-class Circles(NamedTuple):
-    """The pieces of long objects in a scan."""
-
-    p_N: Float64
-    """[m] (K, 2)"""
-    radius: Float64
-    """[m] (K,)"""
-    cut_from: NDArray[np.int64]
-    """(K,) The objects' numbers."""
-
-    def nearest(self, p_N: Float64, near_m: float) -> NDArray[np.int64]:
-        """Give the objects to which places, (L, 2), are nearest; none for those too far off."""
-        nearest, away = nearest_circles(p_N, self.p_N, self.radius)
-        objects: NDArray[np.int64] = self.cut_from[nearest[away < near_m]]
-        return objects
 
 
 class Standing:
@@ -114,40 +120,57 @@ class Standing:
     def pieces(self, objects: Objects, own: Stand) -> Sequence[bool | None]:
         """Tell of each object whether it is a piece of a long one that stands.
 
-        True if it is, False if the long one moves; None if the object is no piece, or if it is not
-        known yet.
+        True if it is, False if the long one moves; None if the object is no piece, or if nothing of
+        its long one's places is known yet.
         """
         unknown: list[bool | None] = [None] * len(objects.radius)
         if objects.outline is None or not np.isfinite([*own.p_N, *own.R_NB[0]]).all():
             self.reset()
             return unknown
-        now = Look(objects.stamp_ns, objects.outline, own, self.settings.guard_rad)
-        then = self._before(now.stamp_ns)
+        now = Look(objects.stamp_ns, objects.outline, own, self.settings)
+        before = self._before(now.stamp_ns)
         self._looks.append(now)
-        cut_from = objects.outline.cut_from
-        pieces = np.flatnonzero(cut_from >= 0)
-        if then is None or len(pieces) == 0:
+        cut_from = objects.outline.cut_from.tolist()
+        if max(cut_from, default=-1) < 0:
             return unknown
-        pieces_N = objects.p_B[pieces] @ own.R_NB.T + own.p_N
-        circles = Circles(pieces_N, objects.radius[pieces], cut_from[pieces])
-        told_rad = self._told(then, now, circles) * objects.outline.sector_rad
-        stands = (told_rad < self.settings.least_rad).tolist()
-        known = set(circles.nearest(then.long[0], self.settings.margin_m).tolist())
-        return [stands[number] if number in known else None for number in cut_from.tolist()]
+        known: dict[int, bool] = {}
+        for then in before:
+            if any(number >= 0 and number not in known for number in cut_from):
+                known = self._compared(then, now) | known
+        return [known.get(number) for number in cut_from]
 
-    def _before(self, stamp_ns: int) -> Look | None:
-        """Give the outline to compare with; none if it is not old enough."""
+    def _before(self, stamp_ns: int) -> Sequence[Look]:
+        """Give the outlines to compare with: the oldest, and the latest that is old enough."""
         settings, looks = self.settings, self._looks
         most_ns = stamp_ns - round(settings.most_s * NANOSECONDS_PER_SECOND)
         while len(looks) > 1 and looks[1].stamp_ns <= most_ns:
             looks.popleft()
         least_ns = stamp_ns - round(settings.least_s * NANOSECONDS_PER_SECOND)
-        return looks[0] if looks and looks[0].stamp_ns <= least_ns else None
+        old = [look for look in looks if look.stamp_ns <= least_ns]
+        return old if len(old) < 2 else (old[0], old[-1])
 
-    def _told(self, then: Look, now: Look, pieces: Circles) -> NDArray[np.intp]:
-        """Count the sectors that tell that a long object moves, by its number."""
-        margin_m = self.settings.margin_m
-        (now_N, seen), (then_N, _) = now.long, then.long
-        came = seen[then.saw_through(now_N, margin_m)]
-        went = pieces.nearest(then_N[now.saw_through(then_N, margin_m)], self.settings.near_m)
-        return np.bincount(np.concatenate([came, went]), minlength=int(pieces.cut_from.max()) + 1)
+    def _compared(self, then: Look, now: Look) -> dict[int, bool]:
+        """Tell by their numbers now which long objects stand, as far as two outlines tell."""
+        answers, _ = then.ask(now.long)
+        size = int(now.long.whose.max(initial=-1)) + 1
+        came = np.bincount(now.long.whose[answers == FREE], minlength=size)
+        met = np.bincount(now.long.whose[answers == TAKEN], minlength=size)
+        for number, gone in _gone(then, now).items():
+            came[number] += gone
+        sectors = self.settings.least_rad / now.outline.sector_rad
+        moves, stands = came >= sectors, met >= sectors
+        return {k: not moves[k] for k in range(size) if moves[k] or stands[k]}
+
+
+def _gone(then: Look, now: Look) -> dict[int, int]:
+    """Count the echoes whose places are free now, by what is where most of their object's were."""
+    answers, taker = now.ask(then.long)
+    counts: dict[int, int] = {}
+    for number in np.unique(then.long.whose[answers == FREE]).tolist():
+        mine = then.long.whose == number
+        takers = taker[mine & (taker >= 0)]
+        if len(takers):
+            gone = int(np.count_nonzero(answers[mine] == FREE))
+            heir = int(np.bincount(takers).argmax())
+            counts[heir] = counts.get(heir, 0) + gone
+    return counts
