@@ -118,11 +118,15 @@ def look(
     cut = np.array(cut_from, dtype=np.int64)
     outline = Outline(
         sights_B=sights_B,
-        sensor_B=sensor_B,
-        sector_rad=eye.span / eye.sectors,
-        is_closed=eye.is_closed,
+        height_m=np.where(body == NOTHING, np.nan, 0.0),
         seen=seen,
         cut_from=cut,
+        sector_rad=eye.span / eye.sectors,
+        is_closed=eye.is_closed,
+        sensor_B=np.array([*eye.sensor_B, 0.0]),
+        down_B=np.array([0.0, 0.0, 1.0]),
+        elevation_rad=np.empty(0),  # nothing is overlooked
+        least_m=-math.inf,
     )
     objects = Objects(
         stamp_ns=round(t * 1e9),
