@@ -17,6 +17,8 @@ namespace twinscrew {
 // Whether some beam passes over a place low enough, but not so low that its echo would be taken for
 // the water's. Heights [m] are over the vessel's origin, up; without beams nothing is overlooked.
 struct Beams {
+  static constexpr double STEEP = 1e9;  // [-] steeper than any beam
+
   std::vector<double> tangents;  // of the elevations from the sensor's own level, rising
   double height = 0.0;           // of the sensor
   double lean_x = 0.0, lean_y = 0.0;  // by how much its level rises ahead and to starboard
@@ -28,8 +30,9 @@ struct Beams {
     const double rise = (lean_x * dx + lean_y * dy) / away;
     // tan(a - b), of the slopes of the lines of sight to the lowest and the highest place.
     const auto from_level = [&](double z) {
-      const double slope = (z - height) / away;
-      return (slope - rise) / (1.0 + slope * rise);
+      const double slope = std::clamp((z - height) / away, -STEEP, STEEP);
+      const double turn = 1.0 + slope * rise;
+      return turn > 0.0 ? (slope - rise) / turn : std::copysign(STEEP, slope);
     };
     const auto beam = std::lower_bound(tangents.begin(), tangents.end(), from_level(least));
     return beam != tangents.end() && *beam <= from_level(top);

@@ -117,11 +117,15 @@ def ring(k, cut_from):
     azimuth = np.radians(np.arange(0.25, 360.0, 0.5))
     outline = Outline(
         sights_B=10.0 * np.column_stack([np.cos(azimuth), np.sin(azimuth)]),
-        sensor_B=np.zeros(2),
-        sector_rad=math.radians(0.5),
-        is_closed=True,
+        height_m=np.zeros(len(azimuth)),
         seen=np.zeros(len(azimuth), dtype=np.int64),
         cut_from=np.array([*cut_from, 0]),
+        sector_rad=math.radians(0.5),
+        is_closed=True,
+        sensor_B=np.zeros(3),
+        down_B=np.array([0.0, 0.0, 1.0]),
+        elevation_rad=np.empty(0),
+        least_m=-math.inf,
     )
     return Objects(
         stamp_ns=k * scene.SCAN,

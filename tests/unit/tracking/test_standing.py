@@ -177,18 +177,23 @@ def test_what_is_not_long_is_not_told_of_beside_what_is():
     assert {v for v, body in zip(verdicts, owner, strict=True) if body == 0} == {True}
 
 
-@pytest.mark.parametrize("is_closed", [True, False])
+@pytest.mark.parametrize(("is_closed", "verdict"), [(True, True), (False, None)])
 @pytest.mark.parametrize("sectors", [2, 3])
-def test_few_sectors_are_enough_to_be_asked(sectors, is_closed):
+def test_few_sectors_are_enough_to_be_asked(sectors, is_closed, verdict):
+    """Beside the first and the last of no full turn nothing is looked at, here everywhere."""
     azimuth = 2 * math.pi * (np.arange(sectors) + 0.5) / sectors
     sights_B = 8.0 * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     outline = Outline(
         sights_B=sights_B,
-        sensor_B=np.zeros(2),
-        sector_rad=2 * math.pi / sectors,
-        is_closed=is_closed,
+        height_m=np.zeros(sectors),
         seen=np.zeros(sectors, dtype=np.int64),
         cut_from=np.array([0, 0]),
+        sector_rad=2 * math.pi / sectors,
+        is_closed=is_closed,
+        sensor_B=np.zeros(3),
+        down_B=np.array([0.0, 0.0, 1.0]),
+        elevation_rad=np.empty(0),
+        least_m=-math.inf,
     )
     standing = Standing(StandingSettings())
     for k in range(20):
@@ -200,7 +205,7 @@ def test_few_sectors_are_enough_to_be_asked(sectors, is_closed):
             outline=outline,
         )
         verdicts = standing.pieces(objects, stand((0.0, 0.0, 0.0)))
-    assert verdicts == [True, True]
+    assert verdicts == [verdict, verdict]
 
 
 def test_an_empty_sea_is_told_of_without_objects():
