@@ -9,6 +9,7 @@ docs/tracking.md), so the share is a setting; what remains is left to the filter
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -103,6 +104,12 @@ class Stand(NamedTuple):
     def of(cls, odometry: Odometry) -> Stand:
         """Take it from the vessel's state at the scan's stamp."""
         return cls(odometry.position_N[:2], rotation_2d(odometry.heading))
+
+    @property
+    def is_known(self) -> bool:
+        """False if a number of it is none."""
+        (north, east), ahead = self.p_N.tolist(), float(self.R_NB[0, 0])
+        return math.isfinite(north + east + ahead)
 
 
 class Centroids:

@@ -124,7 +124,7 @@ class Standing:
         its long one's places is known yet.
         """
         unknown: list[bool | None] = [None] * len(objects.radius)
-        if objects.outline is None or not np.isfinite([*own.p_N, *own.R_NB[0]]).all():
+        if objects.outline is None or not own.is_known:
             self.reset()
             return unknown
         now = Look(objects.stamp_ns, objects.outline, own, self.settings)
