@@ -1,20 +1,51 @@
-"""A slow, plain reference of the free water: what a scan's sights show of it, bin by bin."""
+"""A slow, plain reference of what a scan has shown of places: free, something there, or unknown."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twinscrew.runtime.messages.types import Float64
 
+UNKNOWN, FREE, TAKEN = range(3)
+NOBODY = -1
 
-def free(sights: Float64, begin: Float64, sector: float, guard: float, is_closed: bool) -> Float64:
-    """Give how far the water is free in each bin of azimuth, from -pi on [m].
+
+@dataclass(frozen=True)
+class Water:
+    """How far the water is free in each bin of azimuth, from -pi on, and what ends it."""
+
+    free: Float64
+    """[m] (N,)"""
+    is_echo: NDArray[np.bool_]
+    """(N,) False where it ends because nothing more is looked at."""
+    whose: NDArray[np.int64]
+    """(N,)"""
+
+    def bin_of(self, away: Float64) -> int:
+        """Give the bin of a direction, (2,)."""
+        turn = math.atan2(away[1], away[0]) + math.pi
+        return min(int(turn / (2 * math.pi) * len(self.free)), len(self.free) - 1)
+
+
+def seen(
+    sights: Float64,
+    is_echo: NDArray[np.bool_],
+    whose: NDArray[np.int64],
+    begin: Float64,
+    sector: float,
+    guard: float,
+    is_closed: bool,
+) -> Water:
+    """Give the water that a scan shows.
 
     Parameters
     ----------
     sights : (A, 2) float64
         Where each sector's sight ends [m].
+    is_echo, whose : (A,)
+        Whether that is at an echo, and whose.
     begin : (2,) float64
         Where they begin [m].
     sector, guard : float
@@ -22,28 +53,52 @@ def free(sights: Float64, begin: Float64, sector: float, guard: float, is_closed
     is_closed : bool
         False if beside the first sector, and the last, nothing is looked at.
     """
-    away = sights - begin
-    reach = np.linalg.norm(away, axis=1)
-    if not is_closed:
-        reach[[0, -1]] = 0.0
     count = math.ceil(2 * math.pi / sector)
-    seen = np.full(count, np.inf)
-    np.minimum.at(seen, _bins(away, count), reach)
+    water = Water(np.full(count, np.inf), np.zeros(count, bool), np.full(count, NOBODY))
+    for i, away in enumerate(sights - begin):
+        is_edge = not is_closed and i in (0, len(sights) - 1)
+        reach = 0.0 if is_edge else float(np.linalg.norm(away))
+        k = water.bin_of(away)
+        if reach < water.free[k]:
+            water.free[k], water.is_echo[k], water.whose[k] = reach, is_echo[i], whose[i]
     wide = min(math.ceil(guard * count / (2 * math.pi)), count // 2)
-    around: Float64 = np.min([np.roll(seen, k) for k in range(-wide, wide + 1)], axis=0)
-    return np.where(np.isinf(around), 0.0, around)
-
-
-def holds(water: Float64, begin: Float64, places: Float64, margin: float) -> NDArray[np.bool_]:
-    """Tell which places, (L, 2), lie in the water that is free, further from its end [m]."""
-    away = places - begin
-    inside: NDArray[np.bool_] = (
-        np.linalg.norm(away, axis=1) < water[_bins(away, len(water))] - margin
+    around = [np.roll(np.arange(count), k) for k in range(-wide, wide + 1)]
+    nearest = np.array(around)[np.argmin(water.free[np.array(around)], axis=0), np.arange(count)]
+    is_known = np.isfinite(water.free[nearest])
+    return Water(
+        np.where(is_known, water.free[nearest], 0.0),
+        is_known & water.is_echo[nearest],
+        np.where(is_known, water.whose[nearest], NOBODY),
     )
-    return inside
 
 
-def _bins(away: Float64, count: int) -> NDArray[np.intp]:
-    turn = np.arctan2(away[:, 1], away[:, 0]) + math.pi
-    bins: NDArray[np.intp] = np.clip(turn * (count / (2 * math.pi)), 0, count - 1).astype(np.intp)
-    return bins
+def ask(water: Water, begin: Float64, place: Float64, margin: float) -> tuple[int, int]:
+    """Tell what is known of a place, (2,), and whose it is, if no beam overlooks anything."""
+    away = place - begin
+    k = water.bin_of(away)
+    distance, free = math.hypot(*away), water.free[k]
+    if distance < free - margin:
+        return FREE, NOBODY
+    if water.is_echo[k] and distance <= free + margin:
+        return TAKEN, int(water.whose[k])
+    return UNKNOWN, NOBODY
+
+
+def passes(elevation: float, away: Float64, down: Float64) -> float:
+    """Give how far over the sensor a beam passes a place so far away, (2,) [m].
+
+    It looks for the slope of the ray in the upright plane through the place whose angle from the
+    sensor's z axis, (3,), is 90 degrees and the elevation [rad]; halving finds it.
+    """
+    distance = math.hypot(*away)
+    ahead = np.array([away[0] / distance, away[1] / distance, 0.0])
+
+    def over_level(slope_rad: float) -> float:
+        ray = math.cos(slope_rad) * ahead - math.sin(slope_rad) * np.array([0.0, 0.0, 1.0])
+        return math.asin(max(min(float(-ray @ down), 1.0), -1.0)) - elevation
+
+    low, high = -1.2, 1.2
+    for _ in range(50):
+        middle = (low + high) / 2
+        low, high = (middle, high) if over_level(middle) < 0.0 else (low, middle)
+    return distance * math.tan((low + high) / 2)

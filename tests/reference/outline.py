@@ -16,8 +16,9 @@ def outline(
     R_LB: Float64,
     sector: int,
     reach_m: float,
-) -> tuple[Float64, NDArray[np.int64]]:
-    """Give where each sector's sight ends, (A, 2) [m], and of which cut object, (A,), or -1.
+) -> tuple[Float64, Float64, NDArray[np.int64]]:
+    """Give where each sector's sight ends, (A, 2) [m]; how high its echo is, (A,) [m]; and of which
+    cut object, (A,), or -1.
 
     Parameters
     ----------
@@ -25,8 +26,8 @@ def outline(
         The range image [m]; 0 where there is no echo.
     circles : (M, W) int32
         Each cell's circle; -1 where there is none.
-    p_B : (M, W, 2) float64
-        Where each cell's echo is [m], levelled.
+    p_B : (M, W, 3) float64
+        Where each cell's echo is [m], levelled, the third down.
     cut_from : (K,) int64
         Of each circle, what it was cut from; -1 if it was not cut.
     sensor
@@ -38,19 +39,21 @@ def outline(
     reach_m : float
         How far is looked.
     """
-    ends, seen = [], []
+    ends, heights, seen = [], [], []
     for first in range(0, ranges.shape[1], sector):
         columns = np.arange(first, min(first + sector, ranges.shape[1]))
         rows = range(len(ranges))
         echoes = [(ranges[i, j], j, i) for j in columns for i in rows if ranges[i, j] > 0.0]
         if echoes:
             _, j, i = min(echoes)
-            ends.append(p_B[i, j])
+            ends.append(p_B[i, j, :2])
+            heights.append(-p_B[i, j, 2])
             seen.append(cut_from[circles[i, j]] if circles[i, j] >= 0 else -1)
         else:
             ends.append(_end(columns.mean(), sensor, R_LB, reach_m))
+            heights.append(np.nan)
             seen.append(-1)
-    return np.array(ends), np.array(seen, dtype=np.int64)
+    return np.array(ends), np.array(heights), np.array(seen, dtype=np.int64)
 
 
 def _end(column: float, sensor: Sensor, R_LB: Float64, reach_m: float) -> Float64:
