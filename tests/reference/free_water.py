@@ -84,21 +84,15 @@ def ask(water: Water, begin: Float64, place: Float64, margin: float) -> tuple[in
     return UNKNOWN, NOBODY
 
 
-def passes(elevation: float, away: Float64, down: Float64) -> float:
-    """Give how far over the sensor a beam passes a place so far away, (2,) [m].
+def passes(elevation: float, away: Float64, down: Float64) -> tuple[float, float]:
+    """Give the slope at which a beam passes over a place so far away, (2,), and its skew [rad].
 
-    It looks for the slope of the ray in the upright plane through the place whose angle from the
-    sensor's z axis, (3,), is 90 degrees and the elevation [rad]; halving finds it.
+    The beam's directions form a cone around the sensor's z axis, (3,). In the upright plane
+    through the place a ray that rises by b lies so high over the sensor's level:
+    sin e = -(ahead cos b - down sin b) = length sin(b - level). The skew is how far b - level is
+    from the elevation e: none where the sensor does not lean to the side of that plane.
     """
-    distance = math.hypot(*away)
-    ahead = np.array([away[0] / distance, away[1] / distance, 0.0])
-
-    def over_level(slope_rad: float) -> float:
-        ray = math.cos(slope_rad) * ahead - math.sin(slope_rad) * np.array([0.0, 0.0, 1.0])
-        return math.asin(max(min(float(-ray @ down), 1.0), -1.0)) - elevation
-
-    low, high = -1.2, 1.2
-    for _ in range(50):
-        middle = (low + high) / 2
-        low, high = (middle, high) if over_level(middle) < 0.0 else (low, middle)
-    return distance * math.tan((low + high) / 2)
+    ahead = float(down[:2] @ away) / math.hypot(*away)
+    level, length = math.atan2(ahead, down[2]), math.hypot(ahead, down[2])
+    over_level = math.asin(math.sin(elevation) / length)
+    return level + over_level, abs(over_level - elevation)
