@@ -51,7 +51,7 @@ def test_no_straight_path_moves_a_wall(away_m, speed, course, heading, turn_radp
     bearing=ANGLE,
     away_m=st.floats(5.0, 15.0),
     course=ANGLE,
-    speed=st.floats(1.0, 2.5),
+    speed=st.floats(1.0, 5.0),
     length_m=st.floats(8.0, 14.0),
     beam_m=st.floats(1.5, 4.0),
     own_course=ANGLE,

@@ -38,8 +38,17 @@ def post(
     return (rays[hit] * t[hit][:, None]) @ R_BS
 
 
-def wall(s: Sensor, starboard: float, q_NB: np.ndarray = LEVEL) -> np.ndarray:
-    """Give the echoes of a wall along the vessel, up to 2 m high, 40 m long, frame S.
+def wall(
+    s: Sensor,
+    starboard: float,
+    q_NB: np.ndarray = LEVEL,
+    *,
+    low: float = 0.4,
+    high: float = 2.0,
+    aft: float = -20.0,
+    ahead: float = 20.0,
+) -> np.ndarray:
+    """Give the echoes of a wall along the vessel, from `low` to `high` over the origin, frame S.
 
     It is to port if `starboard` is negative.
     """
@@ -49,5 +58,5 @@ def wall(s: Sensor, starboard: float, q_NB: np.ndarray = LEVEL) -> np.ndarray:
     across = rays[:, 1] * np.sign(starboard)
     t = np.where(across > 1e-6, abs(starboard - p_NS[1]) / np.maximum(across, 1e-6), -1.0)
     p = rays * t[:, None] + p_NS
-    hit = (t > 0) & (p[:, 2] < -0.4) & (p[:, 2] > -2.0) & (np.abs(p[:, 0]) < 20.0)
+    hit = (t > 0) & (p[:, 2] < -low) & (p[:, 2] > -high) & (p[:, 0] > aft) & (p[:, 0] < ahead)
     return (rays[hit] * t[hit][:, None]) @ R_NS

@@ -56,7 +56,7 @@ def test_a_ship_passed_at_anchor_stands():
     assert told_of(answers[20:]) == {True}
 
 
-@pytest.mark.parametrize("behind_m", [6.0, 8.0])
+@pytest.mark.parametrize("behind_m", [1.0, 2.0, 4.0, 6.0, 8.0])
 def test_a_wall_behind_a_passing_ship_stands_while_the_ship_moves(behind_m):
     """The ship hides a part of it, which comes out again."""
     far = SHIP.corners_N[:, 1].max() + behind_m
@@ -66,12 +66,51 @@ def test_a_wall_behind_a_passing_ship_stands_while_the_ship_moves(behind_m):
     assert {True} in (answer[1] for answer in answers[60:])
 
 
+@pytest.mark.parametrize("speed", [1.0, 2.0, 4.0])
+@pytest.mark.parametrize("behind_m", [1.0, 2.0, 3.0, 4.0, 8.0])
+def test_a_quay_that_a_ship_leaves_stands_while_the_ship_moves(behind_m, speed):
+    """Where she was is free now, and the quay is not far: what is gone was hers."""
+    leaves = ship(0.0, 7.0, 0.0, speed, start_s=2.0)
+    far = leaves.corners_N[:, 1].max() + behind_m
+    answers = watch([leaves, wall((-60.0, far), (60.0, far))], STILL, scans(12.0))
+    assert told_of(answers[10:20], 0) == {True}
+    assert told_of(answers[30:45], 0) == {False}
+    assert told_of(answers, 1) <= {None, True}  # what she hid is not known at once
+    assert answers[-1][1] == {True}
+
+
+@pytest.mark.parametrize(
+    ("vessel", "own_speed", "own_course"),
+    [
+        (ship(-1.3088, 10.9014, 1.8751, 2.7808, (9.9756, 3.4138)), 2.3109, 2.4514),
+        (ship(6.6223, 6.4932, 0.9335, 3.0458, (11.0, 3.5907)), 2.0491, 0.0),
+        (ship(4.0, 6.0, math.pi / 4, 5.0), 0.0, 0.0),
+    ],
+)
+def test_a_fast_ship_that_goes_away_is_never_told_to_stand(vessel, own_speed, own_course):
+    """Two seconds ago she was where she has nothing in common with where she is now."""
+    north, east = own_speed * math.cos(own_course), own_speed * math.sin(own_course)
+    answers = watch([vessel], lambda t: (north * t, east * t, 0.0), scans(4.5))
+    assert told_of(answers) == {None, False}
+
+
+@pytest.mark.parametrize("first_s", [0.0, 0.5, 3.0])
+def test_a_quay_that_comes_into_sight_is_known_after_a_second(first_s):
+    """The boat turns around to it at once; before that nothing is in sight."""
+    eye = Eye(240, 2 * math.pi / 3)
+    path = lambda t: (0.0, 0.0, math.copysign(math.pi / 2, t - first_s + 0.05))  # noqa: E731
+    answers, first = watch([QUAY], path, scans(first_s + 2.5), eye), round(10 * first_s)
+    assert all(answer == [set()] for answer in answers[:first])
+    assert all(answer == [{None}] for answer in answers[first : first + 10])
+    assert all(answer == [{True}] for answer in answers[first + 10 :])
+
+
 def test_a_wall_that_comes_out_from_behind_a_nearer_thing_stands():
     nearer = ship(8.0, 5.0, 0.0, 0.0, (5.0, 2.0))
     answers = watch([wall((-100.0, 10.0), (100.0, 10.0)), nearer], AHEAD, scans(8.0))
-    assert told_of(answers[10:25], 0) == {True}
-    assert told_of(answers[25:60], 0) == {None, True}  # each part is known once it was seen
-    assert told_of(answers[60:], 0) == {True}
+    assert told_of(answers[10:30], 0) == {True}
+    assert told_of(answers[30:37], 0) == {None, True}  # a part that was not seen a second ago
+    assert told_of(answers[37:], 0) == {True}
 
 
 @pytest.mark.parametrize("turn_radps", [0.4, -0.4])
