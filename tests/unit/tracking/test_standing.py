@@ -51,6 +51,26 @@ def test_a_ship_under_way_moves(vessel):
     assert told_of(answers) <= {None, False}
 
 
+def test_a_ship_too_slow_for_one_second_is_told_by_two():
+    """In one she comes ahead by two degrees, most of which is the guard."""
+    answers = watch([ship(-2.0, 8.0, 0.0, 0.3)], STILL, scans(4.0))
+    assert told_of(answers[10:13]) == {True}
+    assert told_of(answers[20:]) == {False}
+
+
+@pytest.mark.parametrize(("strays", "verdict"), [(1, True), (2, False)])
+def test_a_stray_echo_of_a_quay_does_not_move_it(strays, verdict):
+    """Half a degree is too little to tell of it; a whole one is not."""
+    standing = Standing(StandingSettings())
+    for t in scans(2.0):
+        objects, _ = look([QUAY], t, STILL(t), Eye())
+        if t == scans(2.0)[-1]:
+            abeam = len(objects.outline.sights_B) * 3 // 4
+            objects.outline.sights_B[abeam : abeam + strays, 1] -= 2.0
+        said = set(standing.pieces(objects, stand(STILL(t))))
+    assert said == {verdict}
+
+
 def test_a_ship_passed_at_anchor_stands():
     answers = watch([ship(10.0, 7.0, 0.0, 0.0)], AHEAD, scans(8.0))
     assert told_of(answers[20:]) == {True}
