@@ -267,6 +267,70 @@ def test_few_sectors_are_enough_to_be_asked(sectors, is_closed, verdict):
     assert verdicts == [verdict, verdict]
 
 
+def ring(stamp_s, seen, holes=()):
+    """Give a scan of things 10 m off, by sector whose, and of something 15 m off in holes."""
+    azimuth = 2 * math.pi * (np.arange(len(seen)) + 0.5) / len(seen)
+    is_hole = np.isin(np.arange(len(seen)), [k for hole in holes for k in hole])
+    away_m = np.where(is_hole, 15.0, 10.0)
+    outline = Outline(
+        sights_B=away_m[:, None] * np.column_stack([np.cos(azimuth), np.sin(azimuth)]),
+        height_m=np.zeros(len(seen)),
+        seen=np.where(is_hole, -1, seen),
+        cut_from=np.unique(seen),
+        sector_rad=2 * math.pi / len(seen),
+        is_closed=True,
+        sensor_B=np.zeros(3),
+        down_B=np.array([0.0, 0.0, 1.0]),
+        elevation_rad=np.empty(0),
+        least_m=-math.inf,
+    )
+    count = len(outline.cut_from)
+    return Objects(
+        stamp_ns=round(1e9 * stamp_s),
+        p_B=np.zeros((count, 2)),
+        radius=np.full(count, 2.0),
+        points=np.full(count, 50),
+        outline=outline,
+    )
+
+
+HOLES = np.arange(50, 57), np.arange(150, 157)
+"""Sectors, of which the guard leaves one each."""
+
+
+def compared(then, now):
+    """Give what is said by the second of two scans a second apart."""
+    standing, own = Standing(StandingSettings()), stand((0.0, 0.0, 0.0))
+    standing.pieces(then, own)
+    return list(standing.pieces(now, own))
+
+
+@pytest.mark.parametrize(
+    ("holes", "verdict"), [((), True), (HOLES[:1], True), (HOLES[1:], True), (HOLES, False)]
+)
+def test_what_is_gone_of_two_things_that_are_one_now_counts_together(holes, verdict):
+    then = ring(0.0, np.repeat([0, 1, -1], [100, 100, 520]))
+    now = ring(1.0, np.repeat([0, -1], [200, 520]), holes)
+    assert compared(then, now) == [None, verdict]
+
+
+def test_what_is_gone_counts_for_what_is_where_most_of_its_thing_was():
+    then = ring(0.0, np.repeat([0, -1], [200, 520]))
+    now = ring(1.0, np.repeat([0, 1, -1], [20, 180, 520]), HOLES)
+    assert compared(then, now) == [None, True, False]
+
+
+def test_what_the_oldest_outline_knows_is_not_asked_of_a_later_one():
+    """A ship so slow that one second is too short; meanwhile the boat turns towards a quay."""
+    bodies = [ship(-2.0, 8.0, 0.0, 0.3), wall((-8.0, -6.0), (8.0, -6.0))]
+    path = lambda t: (0.0, 0.0, math.pi / 2 if t < 2.45 else 0.0)  # noqa: E731
+    answers = watch(bodies, path, scans(4.0), Eye(480, 4 * math.pi / 3))
+    assert told_of(answers[:25], 1) == set()
+    assert told_of(answers[25:35], 1) == {None}
+    assert told_of(answers[35:], 1) == {True}
+    assert told_of(answers[20:], 0) == {False}
+
+
 def test_an_empty_sea_is_told_of_without_objects():
     standing = Standing(StandingSettings())
     for t in scans(2.0):
