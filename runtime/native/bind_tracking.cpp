@@ -46,9 +46,10 @@ bool any_crowded(In<-1, 2> places, In<-1, 2> centres, In<-1> radii) {
 Beams beams_of(In<-1> elevations, const std::array<double, 3>& begin,
                const std::array<double, 3>& down, double least) {
   require(down[2] > 0.1, "FreeWater: the sensor's z axis points down, more or less");
-  Beams beams{{}, -begin[2], down[0] / down[2], down[1] / down[2], least};
+  const double length = std::hypot(down[0], down[1], down[2]);
+  Beams beams{{}, {down[0] / length, down[1] / length, down[2] / length}, -begin[2], least};
   for (std::size_t i = 0; i < elevations.size(); ++i) {
-    beams.tangents.push_back(std::tan(elevations.data()[i]));
+    beams.sines.push_back(std::sin(elevations.data()[i]));
   }
   return beams;
 }

@@ -17,25 +17,23 @@ namespace twinscrew {
 // Whether some beam passes over a place low enough, but not so low that its echo would be taken for
 // the water's. Heights [m] are over the vessel's origin, up; without beams nothing is overlooked.
 struct Beams {
-  static constexpr double STEEP = 1e9;  // [-] steeper than any beam
+  static constexpr double FAR = 1e9;  // [m]
 
-  std::vector<double> tangents;  // of the elevations from the sensor's own level, rising
+  std::vector<double> sines;     // of the elevations from the sensor's own level, rising
+  std::array<double, 3> down{};  // the sensor's z axis, a unit vector
   double height = 0.0;           // of the sensor
-  double lean_x = 0.0, lean_y = 0.0;  // by how much its level rises ahead and to starboard
   double least = 0.0;            // lower echoes are the water's
 
   bool meet(double dx, double dy, double top) const {
-    if (tangents.empty()) return true;
-    const double away = std::hypot(dx, dy);
-    const double rise = (lean_x * dx + lean_y * dy) / away;
-    // tan(a - b), of the slopes of the lines of sight to the lowest and the highest place.
-    const auto from_level = [&](double z) {
-      const double slope = std::clamp((z - height) / away, -STEEP, STEEP);
-      const double turn = 1.0 + slope * rise;
-      return turn > 0.0 ? (slope - rise) / turn : std::copysign(STEEP, slope);
+    if (sines.empty()) return true;
+    const double ahead = down[0] * dx + down[1] * dy, away2 = dx * dx + dy * dy;
+    // Of the elevation, from the sensor's level, of the line of sight to a height over the place.
+    const auto sine = [&](double z) {
+      const double rise = std::clamp(z - height, -FAR, FAR);
+      return (down[2] * rise - ahead) / std::sqrt(away2 + rise * rise);
     };
-    const auto beam = std::lower_bound(tangents.begin(), tangents.end(), from_level(least));
-    return beam != tangents.end() && *beam <= from_level(top);
+    const auto beam = std::lower_bound(sines.begin(), sines.end(), sine(least));
+    return beam != sines.end() && *beam <= sine(top);
   }
 };
 
@@ -68,7 +66,9 @@ class FreeWater {
       const bool is_edge = !is_closed && (i == 0 || i + 1 == sights.size());
       const double reach = is_edge ? 0.0 : std::hypot(dx, dy);
       Bin& bin = bins_[index(dx, dy)];
-      if (reach < bin.free) bin = {reach, sights[i].is_echo, sights[i].whose};
+      if (reach < bin.free) {
+        bin = is_edge ? Bin{0.0, false, NOBODY} : Bin{reach, sights[i].is_echo, sights[i].whose};
+      }
     }
     narrow(static_cast<std::size_t>(std::ceil(guard * per_rad_)));
   }

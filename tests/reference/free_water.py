@@ -51,7 +51,8 @@ def seen(
     sector, guard : float
         Greatest width of a bin; how far to either side the water must be as free [rad].
     is_closed : bool
-        False if beside the first sector, and the last, nothing is looked at.
+        False if beside the first sector, and the last, nothing is looked at: nothing is known in
+        these two.
     """
     count = math.ceil(2 * math.pi / sector)
     water = Water(np.full(count, np.inf), np.zeros(count, bool), np.full(count, NOBODY))
@@ -60,7 +61,9 @@ def seen(
         reach = 0.0 if is_edge else float(np.linalg.norm(away))
         k = water.bin_of(away)
         if reach < water.free[k]:
-            water.free[k], water.is_echo[k], water.whose[k] = reach, is_echo[i], whose[i]
+            water.free[k] = reach
+            water.is_echo[k] = is_echo[i] and not is_edge
+            water.whose[k] = NOBODY if is_edge else whose[i]
     wide = min(math.ceil(guard * count / (2 * math.pi)), count // 2)
     around = [np.roll(np.arange(count), k) for k in range(-wide, wide + 1)]
     nearest = np.array(around)[np.argmin(water.free[np.array(around)], axis=0), np.arange(count)]
@@ -84,15 +87,13 @@ def ask(water: Water, begin: Float64, place: Float64, margin: float) -> tuple[in
     return UNKNOWN, NOBODY
 
 
-def passes(elevation: float, away: Float64, down: Float64) -> tuple[float, float]:
-    """Give the slope at which a beam passes over a place so far away, (2,), and its skew [rad].
+def passes(elevation: float, away: Float64, down: Float64) -> float:
+    """Give the slope at which a beam passes over a place so far away, (2,) [rad].
 
     The beam's directions form a cone around the sensor's z axis, (3,). In the upright plane
     through the place a ray that rises by b lies so high over the sensor's level:
-    sin e = -(ahead cos b - down sin b) = length sin(b - level). The skew is how far b - level is
-    from the elevation e: none where the sensor does not lean to the side of that plane.
+    sin e = -(ahead cos b - down sin b) = length sin(b - level).
     """
     ahead = float(down[:2] @ away) / math.hypot(*away)
     level, length = math.atan2(ahead, down[2]), math.hypot(ahead, down[2])
-    over_level = math.asin(math.sin(elevation) / length)
-    return level + over_level, abs(over_level - elevation)
+    return level + math.asin(math.sin(elevation) / length)
