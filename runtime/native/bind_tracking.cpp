@@ -61,7 +61,7 @@ void make_free_water(FreeWater* self, In<-1, 2> sights, In<-1> heights, Numbers 
   const std::size_t size = sights.shape(0);
   require(heights.size() == size && seen.size() == size,
           "FreeWater: a height and a number for each sight");
-  require(sector > 1e-4 && guard >= 0.0, "FreeWater: needs a sector's width, and no negative guard");
+  require(sector > 0.0 && guard >= 0.0, "FreeWater: needs a sector's width, and no negative guard");
   require(std::isfinite(begin[0]) && std::isfinite(begin[1]), "FreeWater: begins somewhere");
   std::vector<SightRow> rows;
   rows.reserve(size);

@@ -58,7 +58,7 @@ class FreeWater {
             bool is_closed, Beams beams)
       : x_(x),
         y_(y),
-        bins_(static_cast<std::size_t>(std::ceil(TURN / sector))),
+        bins_(static_cast<std::size_t>(std::ceil(TURN / std::max(sector, FINEST)))),
         per_rad_(static_cast<double>(bins_.size()) / TURN),
         beams_(std::move(beams)) {
     for (std::size_t i = 0; i < sights.size(); ++i) {
@@ -84,6 +84,7 @@ class FreeWater {
 
  private:
   static constexpr double TURN = 2.0 * std::numbers::pi;
+  static constexpr double FINEST = 1e-4;  // [rad] a bin is no narrower, however fine columns are
   static constexpr std::int64_t NOBODY = -1;
   struct Bin {
     double free = std::numeric_limits<double>::infinity();  // [m]

@@ -264,3 +264,9 @@ def test_free_water_that_cannot_be_is_refused(told: dict[str, object], words: st
 def test_every_place_that_is_asked_for_needs_a_height(count: int) -> None:
     with pytest.raises(ValueError, match="a height for each place"):
         water_of(ring(20.0)).ask(np.zeros((2, 2)), np.zeros(count), 0.5)
+
+
+def test_sectors_may_be_finer_than_any_sensors() -> None:
+    water = water_of(ring(10.0, 8), sector=1e-9, guard=0.5)
+    answers, _ = water.ask(np.array([[9.0, 0.0], [11.0, 0.0]]), np.zeros(2), 0.5)
+    assert answers.tolist() == [water_reference.FREE, water_reference.UNKNOWN]
