@@ -24,8 +24,8 @@ Kernel& kernel(std::uint8_t which) {
   const FootprintRule footprint{5.5F, 2.9F, 2.2F, 2.2F, 1};
   const Criterion criterion{1.0471975, 0.04, 2};
   const MergeRule merge{0.6F, 0.9F};
-  static Kernel one(round, gates, criterion, 23.0F, merge, footprint, rules, 0.3F);
-  static Kernel two(sector, gates, criterion, 23.0F, merge, footprint, rules, 0.3F);
+  static Kernel one(round, gates, criterion, 23.0F, merge, footprint, rules, 0.3F, 3);
+  static Kernel two(sector, gates, criterion, 23.0F, merge, footprint, rules, 0.3F, 1);
   return which % 2 == 0 ? one : two;
 }
 
@@ -57,5 +57,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     if (strip.circle < 0 || static_cast<std::size_t>(strip.circle) >= k.circles()) __builtin_trap();
   }
   if (in_strips > c.used) __builtin_trap();
+  // Cut objects are numbered, and seen where there is an echo.
+  std::int32_t last = -1;
+  for (const Circle& circle : k.objects()) last = std::max(last, circle.cut_from);
+  for (const Sight& sight : k.outline()) {
+    if (sight.seen < -1 || sight.seen > last) __builtin_trap();
+  }
   return 0;
 }

@@ -1,6 +1,7 @@
 // Fuzzes what the tracker asks of native code: any numbers are objects, tracks and their noise; see
 // run.sh.
 #include "centroids.hpp"
+#include "free_water.hpp"
 #include "input.hpp"
 #include "small.hpp"
 
@@ -65,14 +66,38 @@ double innovations(Input& input) {
   return sum;
 }
 
+// Whatever the sights, a place that is free is asked for by a number that is one, and taken by whom
+// was seen.
+void free_water(Input& input) {
+  const auto closed = input.take<std::uint8_t>();
+  const auto begin = input.take<std::array<double, 2>>();
+  const auto widths = input.take<std::array<std::uint8_t, 2>>();
+  const auto place = input.take<std::array<double, 4>>();
+  Beams beams{{}, input.take<std::array<double, 3>>(), input.take<double>(), input.take<double>()};
+  if (closed & 2) beams.sines = {-0.2, -0.1, 0.0, 0.1};
+  if (!std::isfinite(begin[0]) || !std::isfinite(begin[1])) return;  // the binding sees to it
+  std::vector<SightRow> sights;
+  for (const double number : input.rest<double>()) {
+    const auto i = static_cast<std::int64_t>(sights.size());
+    sights.push_back({number, i % 3 == 0 ? place[0] : -number, i % 2 == 0, i % 5 - 1});
+  }
+  const FreeWater water(sights, begin[0], begin[1], 1e-3 * (1 + widths[0]), 1e-3 * widths[1],
+                        (closed & 1) != 0, beams);
+  const FreeWater::Told told = water.ask(place[0], place[1], place[2], place[3]);
+  if (told.answer == FreeWater::FREE && !std::isfinite(place[0] + place[1])) __builtin_trap();
+  if (told.answer != FreeWater::TAKEN && told.whose != -1) __builtin_trap();
+  if (told.whose < -1 || told.whose > 3) __builtin_trap();
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   Input input(data, size);
   const auto which = input.take<std::uint8_t>();
-  if (which % 4 == 0) centroids(input);
-  if (which % 4 == 1 || which % 4 == 2) inverse(input, which % 4 == 1);
+  if (which % 5 == 0) centroids(input);
+  if (which % 5 == 1 || which % 5 == 2) inverse(input, which % 5 == 1);
   static volatile double kept;  // so that nothing is left out as unused
-  if (which % 4 == 3) kept = innovations(input);
+  if (which % 5 == 3) kept = innovations(input);
+  if (which % 5 == 4) free_water(input);
   return 0;
 }
