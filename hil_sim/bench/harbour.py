@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from twinscrew.hil_sim.bench.harbour_scenes import OWN, Body, Sight, passage, sights
-from twinscrew.runtime.geometry.frames import rotation_2d
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.tracking.measurement import Stand
 from twinscrew.runtime.tracking.tracker import Tracker
 from twinscrew.runtime.tracking.view import View
 
@@ -75,11 +75,8 @@ def run() -> dict[str, Any]:
 def _score(tracker: Tracker, sight: Sight, bodies: list[Body], score: HarbourScore) -> None:
     """Give a scan to a tracker, and what it reports of what is seen in it to the score."""
     tracks = tracker.step(sight.objects, sight.odometry)
-    own, R_NB = sight.odometry.position_N[:2], rotation_2d(sight.odometry.heading)
-    objects_N = sight.objects.p_B @ R_NB.T + own
-    for p_N, v_N in zip(
-        tracks.p_N[tracks.age_s == 0.0], tracks.v_N[tracks.age_s == 0.0], strict=True
-    ):
+    objects_N, seen = Stand.of(sight.odometry).in_N(sight.objects.p_B), tracks.age_s == 0.0
+    for p_N, v_N in zip(tracks.p_N[seen], tracks.v_N[seen], strict=True):
         body = sight.body[int(np.hypot(*(objects_N - p_N).T).argmin())]
         if body > OWN:
             score.add(bodies[body], v_N)

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.random import Generator
 
 from twinscrew.hil_sim.bench.perception_scenes import AFLOAT, HEAVE, TILT
+from twinscrew.hil_sim.bench.perception_score import echo_counts, labelled_echoes
 from twinscrew.hil_sim.bodies import Bodies
-from twinscrew.hil_sim.lidar import Lidar, LidarSettings, Scan
+from twinscrew.hil_sim.lidar import Lidar, LidarSettings
 from twinscrew.hil_sim.shapes import Shape, boxes_shape, load_shape
 from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_from_quaternion
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Objects, Odometry
@@ -54,7 +55,7 @@ class Sight:
     objects: Objects
     odometry: Odometry
     body: list[int]
-    """(K,) Rows of the bodies."""
+    """(K,) Rows of the bodies that have most of their echoes."""
 
 
 def passage(rng: Generator) -> list[Body]:
@@ -123,15 +124,8 @@ def sights(sensor: Sensor, bodies: list[Body], rng: Generator) -> Iterator[Sight
         )
         scan = lidar.scan(afloat, OWN, odometry.stamp_ns, rng)
         objects = perception.step(scan.cloud, odometry.q_NB)
-        yield Sight(objects, odometry, _owners(perception, scan, len(objects.radius)))
-
-
-def _owners(perception: Perception, scan: Scan, objects: int) -> list[int]:
-    """Give of each object the body that has most of its echoes."""
-    image = perception.object_image()
-    seen = image >= 0
-    bodies = scan.object_ids[perception.point_image()[seen]]
-    return [int(np.bincount(bodies[image[seen] == k]).argmax()) for k in range(objects)]
+        counts = echo_counts(*labelled_echoes(perception, scan), len(bodies), len(objects.radius))
+        yield Sight(objects, odometry, counts[:-1].argmax(axis=0).tolist())
 
 
 class _Swell:

@@ -53,8 +53,8 @@ class Score:
 
 def score(perception: Perception, scene: Scene, scan: Scan, objects: Objects) -> Score:
     """Compare the objects of the scan just perceived with the scene."""
-    body, circle = _echoes(perception, scan)
-    counts = _table(body, circle, len(scene.bodies.shape), len(objects.radius))
+    body, circle = labelled_echoes(perception, scan)
+    counts = echo_counts(body, circle, len(scene.bodies.shape), len(objects.radius))
     own = counts / np.maximum(counts.sum(axis=0), 1)  # purity of each circle for each body
     visible = np.bincount(body[body >= 0], minlength=len(scene.bodies.shape))
     least = perception.settings.min_points
@@ -76,14 +76,16 @@ def score(perception: Perception, scene: Scene, scan: Scan, objects: Objects) ->
     )
 
 
-def _echoes(perception: Perception, scan: Scan) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def labelled_echoes(
+    perception: Perception, scan: Scan
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Give the body and the circle (-1: none) of every echo in the range image."""
     points = perception.point_image()
     used = points >= 0
     return scan.object_ids[points[used]], perception.object_image()[used]
 
 
-def _table(
+def echo_counts(
     body: NDArray[np.int32], circle: NDArray[np.int32], bodies: int, circles: int
 ) -> NDArray[np.int64]:
     """Count each body's echoes in each circle, (bodies + 1, circles); the last row is water."""

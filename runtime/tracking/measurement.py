@@ -105,6 +105,14 @@ class Stand(NamedTuple):
         """Take it from the vessel's state at the scan's stamp."""
         return cls(odometry.position_N[:2], rotation_2d(odometry.heading))
 
+    def in_N(self, places_B: Float64) -> Float64:
+        """Give places, (K, 2) [m], of the levelled frame B in N."""
+        return places_B @ self.R_NB.T + self.p_N
+
+    def in_B(self, places_N: Float64) -> Float64:
+        """Give places, (K, 2) [m], of N in the levelled frame B."""
+        return (places_N - self.p_N) @ self.R_NB
+
     @property
     def is_known(self) -> bool:
         """False if a number of it is none."""
@@ -190,6 +198,6 @@ def _sights(
     if strips is None:
         return [Sight(stamp_ns, NO_STRIPS, stands[k]) for k in kept]
     rows_N = strips.rows_B.copy()
-    rows_N[:, :2] = strips.rows_B[:, :2] @ own.R_NB.T + own.p_N
+    rows_N[:, :2] = own.in_N(strips.rows_B[:, :2])
     begin = strips.begin.tolist()
     return [Sight(stamp_ns, rows_N[begin[k] : begin[k + 1]], stands[k]) for k in kept]

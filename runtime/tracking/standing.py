@@ -77,15 +77,14 @@ class Look:
     @cached_property
     def long(self) -> Echoes:
         """The echoes of long objects."""
-        outline, own = self.outline, self._own
+        outline = self.outline
         is_long = outline.seen >= 0
-        p_N = outline.sights_B[is_long] @ own.R_NB.T + own.p_N
+        p_N = self._own.in_N(outline.sights_B[is_long])
         return Echoes(p_N, outline.height_m[is_long], outline.seen[is_long])
 
     def ask(self, echoes: Echoes) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
         """Tell what is known of the places of another scan's echoes, and who takes them, (L,)."""
-        own, settings = self._own, self._settings
-        places_B = (echoes.p_N - own.p_N) @ own.R_NB
+        settings, places_B = self._settings, self._own.in_B(echoes.p_N)
         return self._water.ask(places_B, echoes.height_m - settings.height_m, settings.margin_m)
 
     @cached_property

@@ -172,7 +172,7 @@ class Tracker:
         known = [k for k, t in enumerate(self._tracks) if t.confirmed and not t.stands]
         if not known or len(objects.p_B) < 2:
             return objects, stands
-        p_B = (x[known, :2] - own.p_N) @ own.R_NB
+        p_B = own.in_B(x[known, :2])
         radius = _floats([self._tracks[k].radius for k in known])
         return join_fragments(objects, stands, p_B, self.settings.life.join_share * radius)
 
