@@ -10,11 +10,9 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotFleet
-from twinscrew.hil_sim.drivers.fleet import Fleet, simulated_fleet
-from twinscrew.hil_sim.drivers.lockstep import LockstepCrew
-from twinscrew.hil_sim.drivers.processes import ProcessCrew
-from twinscrew.hil_sim.drivers.punctual import punctual
-from twinscrew.hil_sim.drivers.realtime import RealtimeCrew
+from twinscrew.hil_sim.drivers.lockstep import LockstepCrew, ProcessCrew
+from twinscrew.hil_sim.drivers.processes import punctual
+from twinscrew.hil_sim.drivers.realtime import Fleet, RealtimeCrew, simulated_fleet
 from twinscrew.hil_sim.drivers.voyage import DOCK_LIMIT_S, Crew, Voyage, VoyageResult
 from twinscrew.hil_sim.faults.assemble import faulty_crew, plans_by_vessel, verdicts
 from twinscrew.hil_sim.faults.plan import FaultPlan

@@ -12,7 +12,7 @@ from typing import Any
 
 import tomli_w
 
-from twinscrew.hil_sim.drivers.ports import LOOPBACK
+from twinscrew.hil_sim.drivers.processes import LOOPBACK
 from twinscrew.runtime.errors import LinkError
 from twinscrew.runtime.link.sockets import UdpTransport
 from twinscrew.runtime.link.wire import Wire

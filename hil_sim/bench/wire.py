@@ -8,7 +8,7 @@ from typing import Any
 
 import psutil
 
-from twinscrew.hil_sim.drivers.punctual import punctual
+from twinscrew.hil_sim.drivers.processes import punctual
 from twinscrew.hil_sim.drivers.realtime import RealtimeCrew
 from twinscrew.hil_sim.drivers.voyage import Voyage
 from twinscrew.hil_sim.scenario import load_scenario

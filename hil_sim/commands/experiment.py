@@ -15,18 +15,17 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from twinscrew.hil_sim.commands.experiment_answer import tell
-from twinscrew.hil_sim.experiments.ablations import (
+from twinscrew.hil_sim.experiments.plan import (
     ABLATIONS,
+    Experiment,
     Switches,
+    load_sets,
     parse_ablations,
+    parse_methods,
     variants,
 )
-from twinscrew.hil_sim.experiments.engine import check_engine
-from twinscrew.hil_sim.experiments.folder import FILE, begin, go_on
-from twinscrew.hil_sim.experiments.plan import Experiment, parse_methods
-from twinscrew.hil_sim.experiments.rerun import find, parse_line, rerun
-from twinscrew.hil_sim.experiments.runner import run
-from twinscrew.hil_sim.experiments.sets import load_sets
+from twinscrew.hil_sim.experiments.results import EXPERIMENT_FILE, begin, go_on
+from twinscrew.hil_sim.experiments.runner import check_engine, find, parse_line, rerun, run
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.perception.sensor import load_sensor
 
@@ -134,7 +133,7 @@ def _folder(
         raise ConfigError("name at least one, as ac_iqn,apf", key="--methods")
     if out is None:
         raise ConfigError("name a folder for the results", key="--out")
-    if (out / FILE).is_file():
+    if (out / EXPERIMENT_FILE).is_file():
         raise ConfigError(f"holds results already; --resume {out} goes on with them", file=out)
     chosen = Experiment(**{"sets": load_sets("paper").set, **asked})
     load_sensor(chosen.sensor)

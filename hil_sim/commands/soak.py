@@ -12,10 +12,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from twinscrew.hil_sim.soak.findings import Finding, findings
-from twinscrew.hil_sim.soak.report import as_dict, write
+from twinscrew.hil_sim.soak.findings import Finding, as_dict, findings, write
+from twinscrew.hil_sim.soak.limits import load_soak
 from twinscrew.hil_sim.soak.run import soak as sail
-from twinscrew.hil_sim.soak.settings import load_soak
 from twinscrew.runtime.errors import ConfigError
 
 NOT_FINE = 1

@@ -1,179 +1,174 @@
-"""Lock-step across processes: each vessel's runtime in one of its own, led over Zenoh.
+"""A vessel's runtime as a process: its ports, its priority, its life and its output.
 
-Nothing is left to timing: the simulator sends a message by its topic, says by a question that it
-is its turn, and waits for the answer before anything else happens. The decisions are, to the last
-bit, those of lock-step in one process.
+The simulator stands for sensors and autopilots, so it asks for a real-time priority. What starts
+does so at ordinary priority: a second of imports would use up what the kernel grants real-time
+programs (95 % of every second), and everybody would be held up for the rest of it.
 """
 
 from __future__ import annotations
 
+import os
+import signal
+import socket
 import subprocess
 import sys
-import tempfile
-from contextlib import ExitStack, suppress
-from types import TracebackType
-from typing import Self
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
 
 import msgspec
+import tomli_w
 
-from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilotSettings
-from twinscrew.hil_sim.children import undisturbed
-from twinscrew.hil_sim.drivers.lockstep import SteppedCrew
-from twinscrew.hil_sim.drivers.ports import LOOPBACK, free_port
-from twinscrew.hil_sim.drivers.runtime_process import START_LIMIT_S, STOP_LIMIT_S
+from twinscrew.hil_sim.children import end
 from twinscrew.hil_sim.last_words import ended
 from twinscrew.runtime.app.config import RuntimeConfig
-from twinscrew.runtime.app.session import RunSummary, inputs_of
-from twinscrew.runtime.app.stepped_process import SERVICE, Orders, Rest, Step
-from twinscrew.runtime.bus.steps import Asker
-from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
-from twinscrew.runtime.errors import BusError, LinkError
+from twinscrew.runtime.errors import ConfigError
 
-PATIENCE_S = 60.0
-"""[s] How long a step may take before the runtime is taken for hung."""
-MODULE = "twinscrew.runtime.app.stepped_process"
+FIFO = 5
+"""[-] Real-time priority, below the runtimes': a LiDAR is not late because a program is busy."""
 
 
-class RemoteRuntime:
-    """A runtime in a process of its own; a `Stepped`."""
+@contextmanager
+def punctual() -> Iterator[None]:
+    """Have real-time priority inside it, where the system allows; threads inherit it."""
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    be_punctual()
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, *before)
 
-    def __init__(
-        self, config: RuntimeConfig, bus: ZenohBus, endpoint: str, *, epoch_ns: int
-    ) -> None:
-        """Start it; `bus`, in the vessel's namespace, listens at `endpoint`."""
-        self._name = config.name
-        self._inputs = inputs_of(config)
-        self._bus = bus
-        self._rest = Rest(b"", engaged=False)
-        self._log = tempfile.TemporaryFile()  # noqa: SIM115 (closed in `kill`)
-        settings = msgspec.structs.replace(config.bus, connect=(endpoint,), lossless=True)
-        orders = Orders(msgspec.structs.replace(config, bus=settings), epoch_ns)
-        with tempfile.TemporaryFile() as told:
-            told.write(msgspec.msgpack.encode(orders))
-            told.seek(0)
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", MODULE], stdin=told, stderr=self._log
-            )
-        self._asker = Asker(bus, SERVICE, PATIENCE_S)
 
-    @property
-    def engaged(self) -> bool:
-        """See `Stepped`."""
-        return self._rest.engaged
+@contextmanager
+def ordinary() -> Iterator[None]:
+    """Have ordinary priority inside it: for starting programs, which inherit it."""
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, *before)
 
-    @property
-    def pid(self) -> int:
-        """The process's id."""
-        return self._process.pid
 
-    def wait(self) -> None:
-        """Wait until it can be led.
+def be_punctual() -> None:
+    """Take real-time priority for good, where the system allows."""
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(FIFO))
+
+
+def is_punctual() -> bool:
+    """Tell whether this thread has real-time priority."""
+    return os.sched_getscheduler(0) == os.SCHED_FIFO
+
+
+# -- Ports of this machine.
+
+LOOPBACK = "127.0.0.1"
+
+
+def free_port() -> int:
+    """Give a TCP port that nobody uses now."""
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1])
+
+
+# -- A vessel's runtime as a process: what it is told, its life, and what it says.
+
+START_LIMIT_S = 20.0
+"""[s] How long a runtime may take to listen."""
+STOP_LIMIT_S = 5.0
+"""[s] How long it may take to stop."""
+CONFIG_FILE = "runtime.toml"
+LOG_FILE = "log.txt"
+"""In the vessel's folder: what its runtime is told, and what it says."""
+
+
+class RuntimeProcess:
+    """Starts a runtime, and knows whether it should be running."""
+
+    def __init__(self, config: RuntimeConfig, folder: Path) -> None:
+        """Write the configuration, and start.
+
+        Parameters
+        ----------
+        config
+            All that the runtime is told.
+        folder
+            Where its configuration and its log are written.
 
         Raises
         ------
-        LinkError
-            It ended, or does not listen in time.
+        ConfigError
+            A name is no text, as a folder's of another encoding: TOML cannot tell it.
         """
-        waited_s = 0.0
-        while not self._asker.is_answered(0.2) or not self._bus.wait_for_subscribers(
-            self._inputs, 0.2
-        ):
-            waited_s += 0.2
-            self._check()
-            if waited_s > START_LIMIT_S:
-                raise LinkError(f"the runtime of {self._name} does not listen")
+        self._name = config.name
+        self._folder = folder
+        folder.mkdir(parents=True, exist_ok=True)
+        text = tomli_w.dumps(_without_none(msgspec.to_builtins(config)))
+        try:
+            (folder / CONFIG_FILE).write_bytes(text.encode())
+        except UnicodeEncodeError as error:
+            raise ConfigError("must have a name in UTF-8", file=folder) from error
+        self._process = self._started()
+        self.down = False
+        """Whether it was killed, and not started again."""
 
-    def deliver(self, topic: str, payload: bytes, now_s: float) -> bytes:
-        """See `Stepped`."""
-        if topic not in self._inputs:
-            return b""
-        self._bus.publish(topic, payload)
-        return self._go(Step(now_s, topic=topic)).data
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
 
-    def exchange(self, data: bytes, now_s: float) -> bytes:
-        """See `Stepped`."""
-        return self._go(Step(now_s, data=data)).data
-
-    def summary(self) -> RunSummary:
-        """See `Stepped`."""
-        self.close()
-        if self._rest.summary is None:
-            raise LinkError(f"the runtime of {self._name} left no summary")
-        return self._rest.summary
-
-    def close(self) -> None:
-        """See `Stepped`; the process ends."""
-        if self._rest.summary is None and self._process.poll() is None:
-            self._go(Step(0.0, last=True))
-            self._process.wait(STOP_LIMIT_S)
+    def check(self) -> None:
+        """Raise a `LinkError` with the end of the log if it has ended by itself."""
+        if not self.down and self._process.poll() is not None:
+            log = (self._folder / LOG_FILE).read_bytes()
+            raise ended(f"the runtime of {self._name}", self._process, log)
 
     def kill(self) -> None:
-        """End the process, however it feels about it."""
+        """Kill it as hard as can be; that is no error until it is started again."""
+        self.down = True
         self._process.kill()
         self._process.wait()
-        self._log.close()
+        self._let_go()
 
-    def _go(self, step: Step) -> Rest:
-        try:
-            answer = self._asker.ask(msgspec.msgpack.encode(step))
-        except BusError:
-            with suppress(subprocess.TimeoutExpired):
-                self._process.wait(STOP_LIMIT_S)  # if it died, Zenoh may know it first
-            self._check()
-            raise
-        self._rest = msgspec.msgpack.decode(answer, type=Rest)
-        return self._rest
+    def start_again(self) -> None:
+        """Start it after it was killed."""
+        self._process = self._started()
+        self.down = False
 
-    def _check(self) -> None:
-        """Raise, with its last words, if the process has ended."""
-        if self._process.poll() is not None:
-            self._log.seek(0)
-            raise ended(f"the runtime of {self._name}", self._process, self._log.read())
+    def signal(self, number: signal.Signals) -> None:
+        """Send it a signal."""
+        self._process.send_signal(number)
+
+    def ask_to_stop(self) -> None:
+        """Ask it to stop, also if it was held still."""
+        self._process.send_signal(signal.SIGCONT)
+        self._process.terminate()
+
+    def see_off(self) -> None:
+        """Wait until it has ended, and see to that."""
+        end(self._process, STOP_LIMIT_S)
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Close our end of its input."""
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        file = str(self._folder / CONFIG_FILE)
+        command = [sys.executable, "-m", "twinscrew.runtime.app", "run", "--config", file]
+        command += ["--tethered"]  # it ends with this process, whose end of its input then closes
+        with (self._folder / LOG_FILE).open("ab") as log, ordinary():
+            return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=log, stderr=log)
 
 
-class ProcessCrew(SteppedCrew):
-    """All vessels' runtimes, each in a process of its own; a context."""
-
-    def __init__(
-        self,
-        configs: list[RuntimeConfig],
-        *,
-        epoch_ns: int,
-        autopilot: RoverAutopilotSettings | None = None,
-    ) -> None:
-        self.vessels: list[RemoteRuntime] = []
-        super().__init__(self.vessels, configs, autopilot)
-        self._configs = configs
-        self._epoch_ns = epoch_ns
-        self._stack = ExitStack()
-
-    def __enter__(self) -> Self:
-        endpoint = f"tcp/{LOOPBACK}:{free_port()}"
-        try:
-            self._start(endpoint)
-        except BaseException:
-            self._stack.close()
-            raise
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._stack.close()
-
-    def _start(self, endpoint: str) -> None:
-        settings = ZenohSettings(listen=(endpoint,), connect=(), lossless=True, node="simulator")
-        bus = ZenohBus(settings, self._configs[0].name)
-        self._stack.callback(bus.close)
-        for config in self._configs:
-            mine = bus.within(config.name)
-            with undisturbed():
-                vessel = RemoteRuntime(config, mine, endpoint, epoch_ns=self._epoch_ns)
-                self._stack.callback(vessel.kill)
-            self.vessels.append(vessel)
-        for vessel in self.vessels:
-            vessel.wait()
+def _without_none(values: dict[str, Any]) -> dict[str, Any]:
+    """Leave out what is not set: TOML has no word for it."""
+    return {
+        key: _without_none(value) if isinstance(value, dict) else value
+        for key, value in values.items()
+        if value is not None
+    }

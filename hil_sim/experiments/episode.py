@@ -1,14 +1,32 @@
-"""Sail one episode in this process, in lock-step, and say what became of it."""
+"""Run one episode in this process, in lock-step, and record what became of it.
+
+Switches of the plan replace perception, tracking or thrust by the truth, to measure what their
+errors cost.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import gc
+import math
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
+from twinscrew.hil_sim.bodies import ABSENT
 from twinscrew.hil_sim.drivers.lockstep import LockstepCrew
 from twinscrew.hil_sim.drivers.voyage import Voyage, VoyageResult
-from twinscrew.hil_sim.experiments.ablations import (
+from twinscrew.hil_sim.experiments.chance import RandomPolicy
+from twinscrew.hil_sim.experiments.encounters import Course, find_encounters
+from twinscrew.hil_sim.experiments.plan import (
+    CHANCE,
+    CLASSICAL,
+    Switches,
+    Task,
     calmed,
     dynamics,
     eased,
@@ -17,26 +35,296 @@ from twinscrew.hil_sim.experiments.ablations import (
     unassured,
     vessel_of,
 )
-from twinscrew.hil_sim.experiments.chance import RandomPolicy
-from twinscrew.hil_sim.experiments.ideal import DirectCrew, TruePerception, TrueTracker
-from twinscrew.hil_sim.experiments.memory import give_back
-from twinscrew.hil_sim.experiments.outcome import make_record
-from twinscrew.hil_sim.experiments.plan import CHANCE, CLASSICAL, Task
-from twinscrew.hil_sim.experiments.record import EpisodeRecord
-from twinscrew.hil_sim.experiments.witness import WitnessAssurance, WitnessWorld
+from twinscrew.hil_sim.experiments.results import (
+    Cause,
+    EncounterRecord,
+    EpisodeRecord,
+    Timing,
+    VesselRecord,
+)
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
+from twinscrew.hil_sim.supervisor import Outcome
 from twinscrew.hil_sim.vessel.parameters import load_vessel
-from twinscrew.hil_sim.world import WorldSettings
+from twinscrew.hil_sim.world import World, WorldSettings
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.recording_settings import RecordingSettings
+from twinscrew.runtime.app.replay import combined_sha256
 from twinscrew.runtime.app.stepped import SteppedRuntime
-from twinscrew.runtime.errors import TwinscrewError
+from twinscrew.runtime.errors import ConfigError, TwinscrewError
 from twinscrew.runtime.link.autopilot import AutopilotSettings
-from twinscrew.runtime.perception.sensor import load_sensor
-from twinscrew.runtime.safety.assurance import AssuranceSettings
+from twinscrew.runtime.messages.types import (
+    Float64,
+    HealthEvent,
+    Objects,
+    Odometry,
+    PointCloud,
+    Tracks,
+)
+from twinscrew.runtime.perception.sensor import Sensor, load_sensor
+from twinscrew.runtime.perception.stage import Perception
+from twinscrew.runtime.safety.assurance import Assurance, AssuranceSettings
+from twinscrew.runtime.safety.events import ASSURANCE_INTERVENED
 from twinscrew.runtime.settings import load, shipped
+from twinscrew.runtime.tracking.tracker import Tracker
+
+POINTS = 100
+"""[-] Number of points an ideal object claims to have: more than any stage asks for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What truly is around a vessel, K bodies."""
+
+    p_N: Float64
+    """[m] [N] (K, 2) From the vessel's origin to the bodies' centres."""
+    v_N: Float64
+    """[m/s] [N] (K, 2) Over ground."""
+    radius: Float64
+    """[m] (K,) Of the circles with which contacts are judged."""
+    row: NDArray[np.int64]
+    """(K,) The bodies' numbers in the world."""
+
+
+def surroundings(world: World, vessel: int, reach_m: float) -> Surroundings:
+    """Give every vessel and buoy of which something is within reach.
+
+    Raises
+    ------
+    ConfigError
+        The scenario has quays: they are no circles.
+    """
+    if len(world.scenario.quays):
+        raise ConfigError("a quay is no circle: not with ideal perception", key="--ablate")
+    bodies = world.bodies()
+    buoys = world.scenario.buoys[:, 2]
+    radius = np.r_[np.full(world.scenario.vessels, world.parameters.collision_radius_m), buoys]
+    p_N = bodies.position_N[:, :2] - bodies.position_N[vessel, :2]
+    seen = (bodies.shape != ABSENT) & (np.hypot(*p_N.T) <= reach_m + radius)
+    seen[vessel] = False
+    v_N = np.zeros_like(p_N) if bodies.velocity_N is None else bodies.velocity_N[:, :2]
+    return Surroundings(p_N[seen], v_N[seen], radius[seen], np.flatnonzero(seen))
+
+
+class TruePerception(Perception):
+    """Finds every object where it is, of its true size; the cloud is not looked at."""
+
+    def __init__(self, sensor: Sensor, world: World, vessel: int) -> None:
+        """See around one vessel of a world, as far as perception is set to."""
+        super().__init__(sensor)
+        self._world = world
+        self._vessel = vessel
+
+    def step(
+        self,
+        cloud: PointCloud,
+        q_NB: Float64,  # noqa: ARG002  (the truth needs no odometry)
+        rates_B: Float64 | None = None,  # noqa: ARG002
+        velocity_B: Float64 | None = None,  # noqa: ARG002
+    ) -> Objects:
+        """Give the objects around the vessel now; see `Perception.step`."""
+        around = surroundings(self._world, self._vessel, self.settings.max_range_m)
+        heading = self._world.state.heading[self._vessel]
+        c, s = np.cos(heading), np.sin(heading)
+        return Objects(
+            stamp_ns=cloud.stamp_ns,
+            p_B=around.p_N @ np.array([[c, -s], [s, c]]),
+            radius=around.radius,
+            points=np.full(len(around.radius), POINTS, dtype=np.int64),
+        )
+
+
+class TrueTracker(Tracker):
+    """Knows every object's centre, size and velocity; what perception found is not looked at."""
+
+    def __init__(self, world: World, vessel: int, reach_m: float) -> None:
+        """Follow what is around one vessel of a world."""
+        super().__init__()
+        self._world = world
+        self._vessel = vessel
+        self._reach_m = reach_m
+
+    def step(self, objects: Objects, odometry: Odometry) -> Tracks:
+        """Give the tracks around the vessel now; see `Tracker.step`."""
+        around = surroundings(self._world, self._vessel, self._reach_m)
+        count = len(around.radius)
+        return Tracks(
+            stamp_ns=objects.stamp_ns,
+            id=around.row,
+            p_N=around.p_N + odometry.position_N[:2],
+            v_N=around.v_N,
+            radius=around.radius,
+            covariance=np.zeros((count, 4, 4)),
+            age_s=np.zeros(count),
+        )
+
+
+class DirectCrew(LockstepCrew):
+    """Propellers that do what the runtimes command, not what is left of it in 1 us pulses."""
+
+    def thrust_N(self) -> Float64:
+        """Give each armed vessel's present command, (V, 2) [N]; see `Crew`."""
+        return np.array([vessel.controller.thrust for vessel in self.vessels])
+
+
+# -- What an experiment must remember: what a vessel touched, how often the assurance stepped in.
+
+Touched = Literal["vessel", "buoy", "quay"]
+
+
+class WitnessWorld(World):
+    """A world, and the first thing that each vessel hit."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        """See `World`."""
+        self.touched: dict[int, Touched] = {}
+        super().__init__(*args, **options)
+
+    def remove(self, vessel: int) -> None:
+        """Take a vessel off the map; before that, note what overlaps it most."""
+        if self.gaps[vessel].min() <= 0.0:
+            self.touched[vessel] = self._kind(int(self.gaps[vessel].argmin()))
+        super().remove(vessel)
+
+    def _kind(self, column: int) -> Touched:
+        """Say what a column of the gaps is: vessels come first, then buoys, then quays."""
+        if column < self.scenario.vessels:
+            return "vessel"
+        return "buoy" if column < self.scenario.vessels + len(self.scenario.buoys) else "quay"
+
+
+class WitnessAssurance(Assurance):
+    """An assurance, and how often it has taken the propellers from the policy."""
+
+    interventions = 0
+    """[-] Manoeuvres begun, or taking over from another."""
+
+    def step(self, *args: Any, **options: Any) -> tuple[Float64, tuple[HealthEvent, ...]]:
+        """See `Assurance.step`."""
+        thrust, events = super().step(*args, **options)
+        self.interventions += sum(event.name == ASSURANCE_INTERVENED.name for event in events)
+        return thrust, events
+
+
+# -- Keep a worker as small after its thousandth episode as after its first.
+
+
+def give_back() -> None:
+    """Free what an episode has left behind, and hand it back to the system.
+
+    A crew lies in reference cycles: few objects, which the collector counts, that hold much native
+    memory, which it does not see. And what many sessions have torn into pieces, the allocator keeps
+    (glibc; others have no `malloc_trim`). Without both a worker grows by some MB an episode.
+    """
+    gc.collect()
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
+
+
+# -- From a voyage to an episode's record.
+
+
+def make_record(
+    task: Task, world: WitnessWorld, crew: LockstepCrew, voyage: VoyageResult, wall_s: float
+) -> EpisodeRecord:
+    """Give what became of an episode that took `wall_s` seconds to sail."""
+    vessels = _vessels(world, crew, voyage)
+    return EpisodeRecord(
+        method=task.method.name,
+        set=task.set.name,
+        variant=label(task.switches),
+        episode=task.episode,
+        seed=task.seed,
+        success=voyage.success,
+        cause=cause(vessels),
+        vessels=vessels,
+        encounters=_encounters(world, voyage, task.switches),
+        decisions_sha256=combined_sha256(vessel.outlet.sha256 for vessel in crew.vessels),
+        timing=_timing(crew, voyage, wall_s),
+    )
+
+
+def cause(vessels: tuple[VesselRecord, ...]) -> Cause | None:
+    """Give why an episode failed, by its first failure; None if it did not. A quay is a buoy."""
+    failed = [vessel for vessel in vessels if vessel.outcome != "goal"]
+    if not failed:
+        return None
+    first = min(failed, key=lambda vessel: vessel.travel_time_s)
+    if first.outcome == "timeout":
+        return "time"
+    return "vessel" if first.touched == "vessel" else "buoy"
+
+
+def _vessels(
+    world: WitnessWorld, crew: LockstepCrew, voyage: VoyageResult
+) -> tuple[VesselRecord, ...]:
+    energy = voyage.log.energy_ns()
+    return tuple(
+        VesselRecord(
+            outcome=result.outcome.value if result.outcome else "timeout",
+            touched=world.touched.get(i),
+            travel_time_s=round(result.travel_time_s, 3),
+            closest_approach_m=_finite(result.closest_approach_m),
+            energy_ns=round(float(energy[i]), 1),
+            decisions=crew.vessels[i].outlet.decisions,
+            interventions=_interventions(crew, i),
+        )
+        for i, result in enumerate(voyage.results)
+    )
+
+
+def _interventions(crew: LockstepCrew, vessel: int) -> int:
+    assurance = crew.vessels[vessel].controller.core.pipeline.assurance
+    return assurance.interventions if isinstance(assurance, WitnessAssurance) else 0
+
+
+def _encounters(
+    world: WitnessWorld, voyage: VoyageResult, switches: Switches
+) -> tuple[EncounterRecord, ...]:
+    found = find_encounters(course_of(world, voyage, switches))
+    return tuple(EncounterRecord(**_rounded(asdict(encounter))) for encounter in found)
+
+
+def course_of(world: WitnessWorld, voyage: VoyageResult, switches: Switches) -> Course:
+    """Bring a voyage's log into the form in which encounters are looked for."""
+    rows: Float64 = voyage.log.rows
+    leaves = {Outcome.COLLISION, Outcome.GOAL} if "vanish" in switches else {Outcome.COLLISION}
+    ended_s = np.array([result.travel_time_s for result in voyage.results])
+    gone = np.array([result.outcome in leaves for result in voyage.results])
+    return Course(
+        times=voyage.log.times,
+        p_N=rows[:, :, :2],
+        v_N=rows[:, :, 3:5],
+        heading=rows[:, :, 2],
+        ended_s=ended_s,
+        gone_s=np.where(gone, ended_s, np.inf),
+        buoys=world.scenario.buoys,
+        radius=world.parameters.collision_radius_m,
+    )
+
+
+def _timing(crew: LockstepCrew, voyage: VoyageResult, wall_s: float) -> Timing:
+    latencies = [vessel.latencies.summary() for vessel in crew.vessels]
+    return Timing(
+        decision_p50_ms=round(max(latency.p50 for latency in latencies), 4),
+        decision_p99_ms=round(max(latency.p99 for latency in latencies), 4),
+        decision_max_ms=round(max(latency.max for latency in latencies), 4),
+        wall_s=round(wall_s, 3),
+        simulated_s=round(voyage.duration_s, 3),
+    )
+
+
+def _rounded(values: dict[str, Any]) -> dict[str, Any]:
+    return {k: round(v, 3) if isinstance(v, float) else v for k, v in values.items()}
+
+
+def _finite(value: float) -> float | None:
+    return round(value, 3) if math.isfinite(value) else None
+
+
+# -- Sail one episode in this process, in lock-step, and say what became of it.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,21 +1,187 @@
-"""What an experiment consists of: methods, sets, episodes, variants; and each episode's seed."""
+"""What an experiment consists of: methods, sets of episodes, switches, and each episode's seed.
+
+A set says how many vessels and buoys there are. A switch makes the simulator simpler in one respect
+that the training environment lacks; what the success rate gains, the difference cost.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
+import msgspec
 import numpy as np
+from msgspec import Meta, structs
 
 from twinscrew.hil_sim.experiments import chance
-from twinscrew.hil_sim.experiments.ablations import Switches
-from twinscrew.hil_sim.experiments.sets import SetSettings
-from twinscrew.runtime.errors import ConfigError, PolicyError
+from twinscrew.hil_sim.random_scenario import Buoys, Vessels
+from twinscrew.hil_sim.scenario import Scenario, load_scenario
+from twinscrew.hil_sim.sea.sea import SeaSettings
+from twinscrew.hil_sim.supervisor import SupervisorSettings
+from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, as_vrx
+from twinscrew.runtime.errors import ConfigError, PolicyError, one_of
 from twinscrew.runtime.policy.load import load_policy
-from twinscrew.runtime.settings import Count, Settings, shipped
+from twinscrew.runtime.safety.assurance import AssuranceSettings
+from twinscrew.runtime.settings import CONFIG_DIR, Count, Settings, load, shipped
+
+Name = Annotated[str, Meta(min_length=1)]
+
+
+class SetSettings(Settings, frozen=True, kw_only=True):
+    """Episodes of one kind."""
+
+    name: Name
+    """What tables call it."""
+    scenario: str = "random"
+    """A name in config/scenarios, or a file."""
+    vessels: Vessels | None = None
+    """[-] None: the scenario says it."""
+    buoys: Buoys | None = None
+    """[-] None: the scenario says it."""
+
+    def draw(self, seed: int) -> Scenario:
+        """Give an episode's beginning; a `ConfigError` if there can be none."""
+        return load_scenario(self.scenario, self.vessels, self.buoys, seed)
+
+
+class SetsFile(Settings, frozen=True, kw_only=True):
+    """A file of sets."""
+
+    finite: ClassVar[bool] = False
+    set: Annotated[tuple[SetSettings, ...], Meta(min_length=1)]
+    published_travel_time_s: dict[str, tuple[float, ...]] = msgspec.field(default_factory=dict)
+    """[s] By method, one a set, to compare with; nan where there is none."""
+
+    def __post_init__(self) -> None:
+        """Refuse sets that could be taken for each other, and rows of a wrong length."""
+        names = [one.name for one in self.set]
+        if len(set(names)) < len(names):
+            raise ValueError(f"two sets have the same name: {names}")
+        for method, row in self.published_travel_time_s.items():
+            if len(row) != len(names):
+                raise ValueError(f"{method}: {len(row)} travel times for {len(names)} sets")
+
+
+def load_sets(name: str | Path) -> SetsFile:
+    """Read sets: `paper`, or a file.
+
+    Raises
+    ------
+    ConfigError
+        No such file, or one of its sets cannot be sailed.
+    """
+    path = shipped("experiments", name)
+    sets = load(path, SetsFile)
+    for one in sets.set:
+        try:
+            one.draw(seed=0)
+        except ConfigError as error:
+            raise ConfigError(f"set {one.name!r}: {error}", file=path) from error
+    return sets
+
+
+# -- Switches that make the simulator simpler, one by one, to see which of them explains a gap.
+#
+# The training environment is simpler than the simulator in perception, sea and dynamics. With a
+# switch on, one difference is gone; what the success rate gains by it, the difference cost.
+
+ABLATIONS = {
+    "ideal_perception": "the tracker is given the true centres and radii of what is in range",
+    "ideal_tracking": "the policy is given the true centres, radii and velocities",
+    "no_wind": "no wind",
+    "no_waves": "flat water",
+    "no_assurance": "the policy's thrust goes to the propellers unchecked, as in the paper",
+    "ideal_thrust": "commands reach the propellers as they are, not as the autopilot's pulses",
+    "training_vessel": "mass, inertia, drag and thrusters of the training environment",
+    "as_vrx": "VRX's own physics: wind coefficients along the world's axes, steps of 50 ms",
+    "goal_4m": "a goal is reached within 4 m, as the authors' code has it for APF and MPC",
+    "vanish": "vessels leave the map at their goals, as in training",
+}
+"""What each switch does."""
+PRESETS = {
+    "gap": (
+        "no_assurance",
+        "ideal_perception",
+        "ideal_tracking",
+        "no_wind",
+        "no_waves",
+        "ideal_thrust",
+        "training_vessel",
+        "vanish",
+    )
+}
+"""Switches by one name: `gap` is all that training does not have."""
+FULL = "full"
+"""The simulator as it is."""
+Switches = tuple[str, ...]
+
+
+def parse_ablations(text: str, key: str = "--ablate") -> Switches:
+    """Read switches as people type them: names with commas between them, `gap` for many."""
+    parts = [part.strip() for part in text.split(",") if part.strip()]
+    names = tuple(dict.fromkeys(name for part in parts for name in PRESETS.get(part, (part,))))
+    for name in names:
+        if name not in ABLATIONS:
+            raise ConfigError(one_of(name, (*ABLATIONS, *PRESETS)), key=key)
+    return names
+
+
+def variants(switches: Switches, base: Switches = ()) -> tuple[Switches, ...]:
+    """Give what is sailed: the base, every switch alone with it, then all of them at once.
+
+    The base is the full simulator, or what its switches leave of it.
+    """
+    added = tuple(switch for switch in switches if switch not in base)
+    together = (added,) if len(added) > 1 else ()
+    return tuple((*base, *some) for some in ((), *((switch,) for switch in added), *together))
+
+
+def label(switches: Iterable[str]) -> str:
+    """Give a variant's name, as "full" or "no_wind+no_waves"."""
+    return "+".join(switches) or FULL
+
+
+def calmed(sea: SeaSettings, switches: Switches) -> SeaSettings:
+    """Take wind or waves away."""
+    if "no_wind" in switches:
+        wind = structs.replace(sea.wind, mean_mps=0.0, gust_mps=0.0)
+        sea = structs.replace(sea, wind=wind)
+    if "no_waves" in switches:
+        sea = structs.replace(sea, waves=structs.replace(sea.waves, gain=0.0))
+    return sea
+
+
+def vessel_of(switches: Switches) -> str:
+    """Name the vessel that sails."""
+    trained = CONFIG_DIR / "experiments" / "training_vessel.toml"
+    return str(trained) if "training_vessel" in switches else "wam_v"
+
+
+def dynamics(switches: Switches) -> DynamicsSettings:
+    """Say whose physics it is."""
+    return as_vrx() if "as_vrx" in switches else DynamicsSettings()
+
+
+def eased(scenario: Scenario, switches: Switches) -> Scenario:
+    """Widen the goals."""
+    return replace(scenario, goal_radius=4.0) if "goal_4m" in switches else scenario
+
+
+def unassured(settings: AssuranceSettings, switches: Switches) -> AssuranceSettings:
+    """Let the policy's commands pass unchecked."""
+    return structs.replace(settings, enabled=False) if "no_assurance" in switches else settings
+
+
+def supervision(switches: Switches) -> SupervisorSettings:
+    """Say what becomes of a vessel that has arrived."""
+    return SupervisorSettings(after_goal="vanish" if "vanish" in switches else "hold")
+
+
+# -- What an experiment consists of: methods, sets, episodes, variants; and each episode's seed.
 
 CLASSICAL = ("apf", "mpc")
 CHANCE = chance.NAME

@@ -1,7 +1,7 @@
-"""results.jsonl: one line an episode, appended so that neither a crash nor a full disk loses one.
+"""An experiment's folder: experiment.json, results.jsonl (one line an episode), beginnings.json.
 
-A line counts once its newline is on the disk. Only the parent writes; it holds a lock, so that two
-experiments cannot write into one file.
+The folder carries its experiment and takes no other experiment's episodes. A line counts once its
+newline is on the disk, so that neither a crash nor a full disk loses an episode.
 """
 
 from __future__ import annotations
@@ -9,18 +9,245 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import os
-from collections.abc import Iterable
+import shutil
+import subprocess
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Literal, Self
 
 import msgspec
+import numpy as np
 
-from twinscrew.hil_sim.experiments.plan import Key
-from twinscrew.hil_sim.experiments.record import EpisodeRecord
-from twinscrew.runtime.errors import NOT_THE_FORMAT, RecordingError
+from twinscrew.hil_sim.experiments.plan import Experiment, Key, SetSettings, episode_seed
+from twinscrew.hil_sim.scenario import Scenario
+from twinscrew.runtime.app.recorder import software
+from twinscrew.runtime.errors import NOT_THE_FORMAT, ConfigError, RecordingError
+from twinscrew.runtime.messages.types import Float64
+from twinscrew.runtime.settings import CONFIG_DIR, Settings, convert
 
-FILE = "results.jsonl"
+Cause = Literal["vessel", "buoy", "time"]
+
+
+class VesselRecord(Settings, frozen=True, kw_only=True):
+    """How one vessel fared."""
+
+    outcome: Literal["goal", "collision", "timeout"]
+    touched: Literal["vessel", "buoy", "quay"] | None = None
+    """What it hit, if it did."""
+    travel_time_s: float
+    """[s] Simulated time to the outcome."""
+    closest_approach_m: float | None
+    """[m] Least distance to another's surface while under way; None if nobody else is there."""
+    energy_ns: float
+    """[N s] Integral of |T| dt over both propellers."""
+    decisions: int
+    interventions: int = 0
+    """[-] How often the assurance took the propellers from the policy."""
+
+
+class EncounterRecord(Settings, frozen=True, kw_only=True):
+    """One vessel's part in an encounter; see `encounters.Encounter`."""
+
+    kind: Literal["head_on", "give_way"]
+    ego: int
+    other: int
+    begin_s: float
+    end_s: float
+    acted: bool
+    touched: bool
+    gap_m: float
+    rule_gap_m: float
+
+
+class Timing(Settings, frozen=True, kw_only=True):
+    """What depends on the machine and its load, and on nothing else."""
+
+    decision_p50_ms: float
+    """[ms] From a scan's bytes to the thrust command's, the slowest vessel's."""
+    decision_p99_ms: float
+    decision_max_ms: float
+    wall_s: float
+    simulated_s: float
+
+
+class EpisodeRecord(Settings, frozen=True, kw_only=True):
+    """One episode."""
+
+    method: str
+    set: str
+    variant: str
+    episode: int
+    seed: int
+    """What `twinscrew sitl --lockstep --seed` takes to sail it again."""
+    success: bool
+    cause: Cause | None
+    """Why it failed, by its first failure."""
+    vessels: tuple[VesselRecord, ...]
+    encounters: tuple[EncounterRecord, ...]
+    decisions_sha256: str
+    """Over all vessels' decisions: equal if and only if all were equal bit for bit."""
+    timing: Timing
+
+    @property
+    def key(self) -> Key:
+        """Which episode it is."""
+        return Key(self.method, self.set, self.variant, self.episode)
+
+
+# -- A results' folder: it carries its experiment, and takes no other one's episodes.
+
+EXPERIMENT_FILE = "experiment.json"
+
+
+class Origin(Settings, frozen=True, kw_only=True):
+    """By what the results were made."""
+
+    commit: str
+    """Of the checkout; "-dirty" if it was not clean, "unknown" outside of one."""
+    software: dict[str, str]
+    machine: str
+
+
+class Folder(Settings, frozen=True, kw_only=True):
+    """What experiment.json holds."""
+
+    experiment: Experiment
+    origins: tuple[Origin, ...]
+    """The first, and every different one that went on with it."""
+
+
+def read_folder(path: Path) -> Folder:
+    """Read what a folder's results are of.
+
+    Raises
+    ------
+    ConfigError
+        It is no results' folder.
+    """
+    file = path / EXPERIMENT_FILE
+    try:
+        values = msgspec.json.decode(file.read_bytes())
+    except OSError as error:
+        what = "not a folder of results" if path.is_dir() else "no such folder"
+        raise ConfigError(f"{what} ({error.strerror})", file=path) from error
+    except NOT_THE_FORMAT as error:
+        raise ConfigError(f"damaged: {error}", file=file) from error
+    return convert(values, Folder, file=file)
+
+
+def begin(path: Path, experiment: Experiment) -> Folder:
+    """Make a new results' folder; an empty one will do.
+
+    Raises
+    ------
+    ConfigError
+        The folder holds something already, or cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        if any(path.iterdir()):
+            raise ConfigError("the folder is not empty", file=path)
+    except OSError as error:
+        raise ConfigError(error.strerror or str(error), file=path) from error
+    return _write(path, Folder(experiment=experiment, origins=(origin(),)))
+
+
+def go_on(path: Path, asked: Mapping[str, Any]) -> Folder:
+    """Open a results' folder to go on with its experiment, or to add episodes, methods or variants.
+
+    Parameters
+    ----------
+    asked
+        What the user said, by names of `Experiment`; what was not said stays as it is.
+
+    Raises
+    ------
+    ConfigError
+        It is of another experiment: which setting differs, and how.
+    """
+    there = read_folder(path)
+    differences = list(_differences(there.experiment, asked))
+    if differences:
+        raise ConfigError(
+            f"these are results of another experiment: {'; '.join(differences)}", file=path
+        )
+    now, grown = origin(), _grown(there.experiment, asked)
+    origins = there.origins if now in there.origins else (*there.origins, now)
+    folder = Folder(experiment=grown, origins=origins)
+    return folder if folder == there else _write(path, folder)
+
+
+def origin() -> Origin:
+    """Tell by what results would be made now."""
+    return Origin(commit=_commit(), software=software(), machine=_cpu_model())
+
+
+def _differences(there: Experiment, asked: Mapping[str, Any]) -> Iterator[str]:
+    """Tell what was asked for that the results are not of; they may grow."""
+    for key in ("sets", "seed", "sensor"):
+        before = getattr(there, key)
+        if key in asked and asked[key] != before:
+            yield f"{key} {_plain(before)}, not {_plain(asked[key])}"
+    if asked.get("episodes", there.episodes) < there.episodes:
+        yield f"episodes {there.episodes}, not {asked['episodes']}"
+    known = {method.name: method for method in there.methods}
+    for method in asked.get("methods", ()):
+        if known.get(method.name, method) != method:
+            yield f"{method.name} is another policy: {_plain(known[method.name])}"
+
+
+def _grown(there: Experiment, asked: Mapping[str, Any]) -> Experiment:
+    new = [method for method in asked.get("methods", ()) if method not in there.methods]
+    return msgspec.structs.replace(
+        there,
+        methods=(*there.methods, *new),
+        variants=tuple(dict.fromkeys((*there.variants, *asked.get("variants", ())))),
+        episodes=asked.get("episodes", there.episodes),
+    )
+
+
+def _plain(value: object) -> str:
+    return msgspec.json.encode(value).decode()
+
+
+def _write(path: Path, folder: Folder) -> Folder:
+    """Write experiment.json whole or not at all."""
+    data = msgspec.json.format(msgspec.json.encode(folder), indent=2) + b"\n"
+    scratch = path / f"{EXPERIMENT_FILE}.part"
+    try:
+        with scratch.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        scratch.replace(path / EXPERIMENT_FILE)
+    except OSError as error:
+        raise ConfigError(error.strerror or str(error), file=path / EXPERIMENT_FILE) from error
+    return folder
+
+
+def _commit() -> str:
+    git = shutil.which("git")
+    if git is None:
+        return "unknown"
+    words = [git, "-C", str(CONFIG_DIR), "describe", "--always", "--dirty", "--abbrev=12"]
+    answer = subprocess.run(words, capture_output=True, text=True, check=False)
+    return answer.stdout.strip() or "unknown"
+
+
+def _cpu_model() -> str:
+    for line in Path("/proc/cpuinfo").read_text().splitlines():
+        if line.startswith("model name"):
+            return f"{line.partition(':')[2].strip()}, {len(os.sched_getaffinity(0))} cores"
+    return "unknown"
+
+
+# -- results.jsonl: one line an episode, appended so that neither a crash nor a full disk loses one.
+#
+# A line counts once its newline is on the disk. Only the parent writes; it holds a lock: two
+# experiments cannot write into one file.
+
+RESULTS_FILE = "results.jsonl"
 _ENCODER = msgspec.json.Encoder()
 _DECODER = msgspec.json.Decoder(EpisodeRecord)
 
@@ -155,3 +382,79 @@ def _timeless(record: EpisodeRecord) -> dict[str, object]:
     plain: dict[str, object] = msgspec.to_builtins(record)
     del plain["timing"]
     return plain
+
+
+# -- How every episode begins, as a file, for other simulators to run the same ones.
+#
+# `twinscrew evaluate POLICY --on DIR` reads it, in the training environment.
+
+BEGINNINGS_FILE = "beginnings.json"
+Row = tuple[float, ...]
+
+
+class Beginning(Settings, frozen=True, kw_only=True):
+    """How one episode begins; everything at rest."""
+
+    starts: tuple[Row, ...]
+    """[m, m, rad] North, east, heading of each vessel."""
+    goals: tuple[Row, ...]
+    """[m] North, east."""
+    buoys: tuple[Row, ...]
+    """[m] North, east, radius."""
+
+
+class SetBeginnings(Settings, frozen=True, kw_only=True):
+    """A set's episodes, in their order."""
+
+    name: str
+    episodes: tuple[Beginning, ...]
+
+
+def beginnings(experiment: Experiment) -> tuple[SetBeginnings, ...]:
+    """Give how the episodes of all sets begin: the same for every method and variant."""
+    return tuple(
+        SetBeginnings(
+            name=one.name,
+            episodes=tuple(_beginning(experiment, one, k) for k in range(experiment.episodes)),
+        )
+        for one in experiment.sets
+    )
+
+
+def write_beginnings(folder: Path, experiment: Experiment) -> None:
+    """Leave `beginnings.json` in a results' folder, if it does not hold as many already.
+
+    Raises
+    ------
+    RecordingError
+        The disk is full, or failed.
+    """
+    path = folder / BEGINNINGS_FILE
+    try:
+        if path.is_file() and _count(path) >= experiment.episodes:
+            return
+        scratch = path.with_suffix(".part")
+        scratch.write_bytes(msgspec.json.encode({"sets": beginnings(experiment)}))
+        scratch.replace(path)
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror or error}") from error
+
+
+def _beginning(experiment: Experiment, one: SetSettings, episode: int) -> Beginning:
+    scenario: Scenario = one.draw(episode_seed(experiment.seed, one.name, episode))
+    return Beginning(
+        starts=_rows(scenario.starts), goals=_rows(scenario.goals), buoys=_rows(scenario.buoys)
+    )
+
+
+def _rows(array: Float64) -> tuple[Row, ...]:
+    return tuple(tuple(row) for row in np.asarray(array).tolist())
+
+
+def _count(path: Path) -> int:
+    """Give how many episodes a set of the file has; 0 if it is damaged."""
+    try:
+        sets = msgspec.json.decode(path.read_bytes())["sets"]
+        return min(len(one["episodes"]) for one in sets)
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return 0

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
+from twinscrew.hil_sim.drivers.processes import LOG_FILE
 from twinscrew.hil_sim.drivers.realtime import RealtimeCrew
-from twinscrew.hil_sim.drivers.runtime_process import LOG_FILE
 from twinscrew.hil_sim.faults.crew import FaultyCrew
 from twinscrew.hil_sim.faults.plan import EVERY_VESSEL, Fault, FaultPlan
 from twinscrew.hil_sim.faults.rig import Rig, fleet_of

@@ -7,7 +7,7 @@ import socket
 import threading
 from collections.abc import Callable
 
-from twinscrew.hil_sim.drivers.ports import LOOPBACK
+from twinscrew.hil_sim.drivers.processes import LOOPBACK
 
 _READ = 1 << 18
 

@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
-from twinscrew.hil_sim.drivers.punctual import be_punctual, is_punctual, ordinary
+from twinscrew.hil_sim.drivers.processes import be_punctual, is_punctual, ordinary
 from twinscrew.hil_sim.faults.pilot import Bridge, act, bridge_of
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Odometry

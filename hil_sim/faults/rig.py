@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from twinscrew.hil_sim.drivers.fleet import SimulatedFleet
-from twinscrew.hil_sim.drivers.ports import LOOPBACK
+from twinscrew.hil_sim.drivers.processes import LOOPBACK
+from twinscrew.hil_sim.drivers.realtime import SimulatedFleet
 from twinscrew.hil_sim.faults.line import Line
 from twinscrew.hil_sim.faults.mavlink_line import FaultyTransport
 from twinscrew.hil_sim.faults.proxy import Proxy

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-from twinscrew.hil_sim.drivers.punctual import punctual
+from twinscrew.hil_sim.drivers.processes import punctual
 from twinscrew.hil_sim.drivers.voyage import Voyage
 from twinscrew.hil_sim.faults.assemble import faulty_crew, verdicts
 from twinscrew.hil_sim.faults.plan import FaultPlan

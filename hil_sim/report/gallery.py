@@ -8,10 +8,9 @@ from itertools import zip_longest
 from pathlib import Path
 
 from twinscrew.hil_sim.experiments.episode import sail_episode
-from twinscrew.hil_sim.experiments.plan import Task, check
-from twinscrew.hil_sim.experiments.record import EpisodeRecord
-from twinscrew.hil_sim.experiments.rerun import draw, rerun
-from twinscrew.hil_sim.experiments.sets import SetSettings
+from twinscrew.hil_sim.experiments.plan import SetSettings, Task, check
+from twinscrew.hil_sim.experiments.results import EpisodeRecord
+from twinscrew.hil_sim.experiments.runner import draw, rerun
 from twinscrew.hil_sim.report.material import Material
 from twinscrew.runtime.errors import PolicyError
 

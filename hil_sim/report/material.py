@@ -9,12 +9,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from twinscrew.hil_sim.experiments.ablations import label
-from twinscrew.hil_sim.experiments.folder import Folder, read_folder
-from twinscrew.hil_sim.experiments.plan import Experiment
-from twinscrew.hil_sim.experiments.record import EpisodeRecord
-from twinscrew.hil_sim.experiments.results import FILE, read_results
-from twinscrew.hil_sim.experiments.sets import load_sets
+from twinscrew.hil_sim.experiments.plan import Experiment, label, load_sets
+from twinscrew.hil_sim.experiments.results import (
+    RESULTS_FILE,
+    EpisodeRecord,
+    Folder,
+    read_folder,
+    read_results,
+)
 from twinscrew.hil_sim.experiments.summary import Cell, summarise
 from twinscrew.runtime.errors import ConfigError
 
@@ -110,7 +112,7 @@ def gather(path: Path, evaluations: Iterable[str] = ()) -> Material:
         Its results are damaged.
     """
     folder = read_folder(path)
-    records = tuple(read_results(path / FILE)) if (path / FILE).is_file() else ()
+    records = tuple(read_results(path / RESULTS_FILE)) if (path / RESULTS_FILE).is_file() else ()
     if not records:
         raise ConfigError("no episode has been sailed yet", file=path)
     count = len(folder.experiment.sets)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from statistics import fmean
 
-from twinscrew.hil_sim.experiments.ablations import FULL
-from twinscrew.hil_sim.experiments.statistics import Paired, bootstrap_mean, holm, pair
-from twinscrew.hil_sim.experiments.summary import Cell, Rule
+from twinscrew.hil_sim.experiments.plan import FULL
+from twinscrew.hil_sim.experiments.summary import Cell, Paired, Rule, bootstrap_mean, holm, pair
 from twinscrew.hil_sim.report.markdown import NOTHING, interval, number, p_value, share, table
 from twinscrew.hil_sim.report.material import Material
 

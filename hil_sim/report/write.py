@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from twinscrew.hil_sim.experiments.ablations import FULL
+from twinscrew.hil_sim.experiments.plan import FULL
 from twinscrew.hil_sim.experiments.results import results_sha256
 from twinscrew.hil_sim.experiments.runner import count
 from twinscrew.hil_sim.report import bars, gallery, tables

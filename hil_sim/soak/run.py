@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-from twinscrew.hil_sim.drivers.punctual import punctual
+from twinscrew.hil_sim.drivers.processes import punctual
 from twinscrew.hil_sim.drivers.voyage import Voyage
 from twinscrew.hil_sim.faults.assemble import faulty_crew
 from twinscrew.hil_sim.faults.crew import FaultyCrew
@@ -17,19 +17,18 @@ from twinscrew.hil_sim.faults.plan import FaultPlan, load_plan
 from twinscrew.hil_sim.faults.timeline import Span
 from twinscrew.hil_sim.faults.trial import SENSOR, config_of
 from twinscrew.hil_sim.faults.waters import lanes
-from twinscrew.hil_sim.soak.patrol import Patrol
-from twinscrew.hil_sim.soak.samples import Sample, sample
-from twinscrew.hil_sim.soak.schedule import (
+from twinscrew.hil_sim.soak.limits import Sample, SoakSettings, Watch, sample
+from twinscrew.hil_sim.soak.vessels import (
+    Patrol,
+    VesselSoak,
     comes_to_an_end,
     draw,
     fits_under_way,
     joined,
+    look_back,
     spares_the_runtime,
     waits,
 )
-from twinscrew.hil_sim.soak.settings import SoakSettings
-from twinscrew.hil_sim.soak.standstill import Watch
-from twinscrew.hil_sim.soak.vessel import VesselSoak, look_back
 from twinscrew.hil_sim.world import make_world
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.recording_settings import RecordingSettings

@@ -7,8 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twinscrew.hil_sim.sensors.imu import ImuSettings, SimulatedImu, TriadSettings
-from twinscrew.hil_sim.sensors.receiver import ReceiverSettings, SimulatedReceiver
+from twinscrew.hil_sim.sensors.navigation import (
+    ImuSettings,
+    ReceiverSettings,
+    SimulatedImu,
+    SimulatedReceiver,
+    TriadSettings,
+)
 from twinscrew.hil_sim.vessel.state import VesselState
 from twinscrew.runtime.estimation.estimator import Estimator
 from twinscrew.runtime.estimation.kinematics import euler_rates, rotation

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from tests.harness.commands import as_json, twinscrew
 
-from twinscrew.hil_sim.drivers.ports import free_port
+from twinscrew.hil_sim.drivers.processes import free_port
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sensors.navigation import Navigation
 from twinscrew.hil_sim.supervisor import Supervisor

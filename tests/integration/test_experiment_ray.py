@@ -5,11 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from twinscrew.hil_sim.experiments.folder import begin
-from twinscrew.hil_sim.experiments.plan import Experiment, parse_methods
-from twinscrew.hil_sim.experiments.results import results_sha256
+from twinscrew.hil_sim.experiments.plan import Experiment, SetSettings, parse_methods
+from twinscrew.hil_sim.experiments.results import begin, results_sha256
 from twinscrew.hil_sim.experiments.runner import run
-from twinscrew.hil_sim.experiments.sets import SetSettings
 
 ray = pytest.importorskip("ray", reason="needs twinscrew[ray]")
 pytestmark = pytest.mark.filterwarnings("ignore")  # Ray's own

@@ -12,7 +12,7 @@ import pytest
 from tests.harness.commands import start
 from tests.harness.waiting import wait_until
 
-from twinscrew.hil_sim.drivers.ports import free_port
+from twinscrew.hil_sim.drivers.processes import free_port
 
 
 def open_to(process: psutil.Process) -> set[tuple[str, str, int]]:

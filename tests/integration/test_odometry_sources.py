@@ -8,8 +8,7 @@ import pytest
 
 from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotSettings
 from twinscrew.hil_sim.scenario import load_scenario
-from twinscrew.hil_sim.sensors.navigation import NavigationSettings
-from twinscrew.hil_sim.sensors.receiver import ReceiverSettings
+from twinscrew.hil_sim.sensors.navigation import NavigationSettings, ReceiverSettings
 from twinscrew.hil_sim.sitl import sail
 from twinscrew.hil_sim.sitl_settings import AutopilotKind, OdometrySource, SitlSettings
 from twinscrew.runtime.app.recording import Recording, find_recordings

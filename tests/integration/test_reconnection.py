@@ -13,7 +13,7 @@ from tests.harness.commands import start
 from tests.harness.cut_line import AutopilotOnALine, SerialAdapter, TcpServer
 from tests.harness.waiting import wait_until
 
-from twinscrew.hil_sim.drivers.ports import free_port
+from twinscrew.hil_sim.drivers.processes import free_port
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.messages import cdr

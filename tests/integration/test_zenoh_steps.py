@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from twinscrew.hil_sim.drivers.ports import free_port
+from twinscrew.hil_sim.drivers.processes import free_port
 from twinscrew.runtime.bus.steps import Answerer, Asker
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings

@@ -10,9 +10,7 @@ from msgspec.structs import replace
 from tests.reference import energy, vessel_step
 from tests.reference.sailing import NO_WAVES, calm, paper_sea, sail
 
-from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
-from twinscrew.hil_sim.sea.waves import WaveSettings
-from twinscrew.hil_sim.sea.wind import WindSettings
+from twinscrew.hil_sim.sea.sea import Sea, SeaSettings, WaveSettings, WindSettings
 from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, VesselDynamics
 from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.hil_sim.vessel.rest import at_rest

@@ -12,8 +12,7 @@ import numpy as np
 from msgspec.structs import replace
 from tests.reference.sailing import calm, euler, paper_sea, sail, series, windy
 
-from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
-from twinscrew.hil_sim.sea.wind import WindSettings
+from twinscrew.hil_sim.sea.sea import Sea, SeaSettings, WindSettings
 from twinscrew.hil_sim.vessel.dynamics import VesselDynamics, as_vrx
 from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.hil_sim.vessel.rest import at_rest, equilibrium

@@ -8,9 +8,7 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
-from twinscrew.hil_sim.sea.waves import WaveSettings
-from twinscrew.hil_sim.sea.wind import WindSettings
+from twinscrew.hil_sim.sea.sea import Sea, SeaSettings, WaveSettings, WindSettings
 from twinscrew.hil_sim.vessel.dynamics import VesselDynamics
 from twinscrew.hil_sim.vessel.parameters import Part, VesselParameters, load_vessel
 from twinscrew.hil_sim.vessel.state import VesselState

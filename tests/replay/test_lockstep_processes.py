@@ -9,7 +9,7 @@ import pytest
 from tests.harness.commands import as_json, twinscrew
 from tests.replay.test_determinism import busy_machine
 
-from twinscrew.hil_sim.drivers.processes import ProcessCrew
+from twinscrew.hil_sim.drivers.lockstep import ProcessCrew
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlReport, SitlSettings, sail
 from twinscrew.runtime.app.config import RuntimeConfig

@@ -3,12 +3,12 @@ from pathlib import Path
 import pytest
 
 from twinscrew.hil_sim.bench.budgets import load_budgets
-from twinscrew.hil_sim.experiments.sets import load_sets
+from twinscrew.hil_sim.experiments.plan import load_sets
 from twinscrew.hil_sim.faults.plan import load_plan
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.shapes import load_shape
-from twinscrew.hil_sim.soak.settings import load_soak
+from twinscrew.hil_sim.soak.limits import load_soak
 from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.runtime.app.config import RuntimeConfig, load_config
 from twinscrew.runtime.errors import ConfigError

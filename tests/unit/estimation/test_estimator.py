@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as with_settings
 from tests.harness.circling import DATUM, EPOCH_NS, EXACT_GPS, FRAME, Circling, truth
-
 from twinscrew.hil_sim.sensors.imu import ImuSettings
 from twinscrew.hil_sim.sensors.receiver import ReceiverSettings
+
 from twinscrew.runtime.estimation.events import KINDS
 from twinscrew.runtime.estimation.sensors import AntennaSettings, SensorSettings
 from twinscrew.runtime.estimation.settings import EstimationSettings

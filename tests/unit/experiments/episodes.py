@@ -2,7 +2,7 @@
 
 from msgspec.structs import replace
 
-from twinscrew.hil_sim.experiments.record import (
+from twinscrew.hil_sim.experiments.results import (
     EncounterRecord,
     EpisodeRecord,
     Timing,

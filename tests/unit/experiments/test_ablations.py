@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from twinscrew.hil_sim.experiments.ablations import (
+from twinscrew.hil_sim.experiments.plan import (
     ABLATIONS,
     calmed,
     dynamics,

@@ -6,9 +6,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from twinscrew.hil_sim.experiments.beginnings import FILE, beginnings, write_beginnings
-from twinscrew.hil_sim.experiments.plan import Experiment, Method, tasks
-from twinscrew.hil_sim.experiments.sets import SetSettings
+from twinscrew.hil_sim.experiments.plan import Experiment, Method, SetSettings, tasks
+from twinscrew.hil_sim.experiments.results import BEGINNINGS_FILE, beginnings, write_beginnings
 from twinscrew.runtime.errors import RecordingError
 
 SETS = (SetSettings(name="two", vessels=2, buoys=0), SetSettings(name="four", vessels=4, buoys=2))
@@ -30,7 +29,7 @@ def test_they_are_those_of_the_episodes_that_are_sailed() -> None:
 
 def test_the_file_grows_with_the_experiment_and_never_shrinks(tmp_path: Path) -> None:
     def sizes() -> list[int]:
-        sets = msgspec.json.decode((tmp_path / FILE).read_bytes())["sets"]
+        sets = msgspec.json.decode((tmp_path / BEGINNINGS_FILE).read_bytes())["sets"]
         return [len(one["episodes"]) for one in sets]
 
     for episodes, expected in ((2, 2), (3, 3), (1, 3)):
@@ -39,9 +38,9 @@ def test_the_file_grows_with_the_experiment_and_never_shrinks(tmp_path: Path) ->
 
 
 def test_a_damaged_file_is_written_anew(tmp_path: Path) -> None:
-    (tmp_path / FILE).write_bytes(b'{"sets": [')
+    (tmp_path / BEGINNINGS_FILE).write_bytes(b'{"sets": [')
     write_beginnings(tmp_path, experiment())
-    assert len(msgspec.json.decode((tmp_path / FILE).read_bytes())["sets"]) == 2
+    assert len(msgspec.json.decode((tmp_path / BEGINNINGS_FILE).read_bytes())["sets"]) == 2
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import cloudpickle
 import pytest
 
-from twinscrew.hil_sim.experiments.engine import DEATHS, check_engine, in_parallel
+from twinscrew.hil_sim.experiments.runner import DEATHS, check_engine, in_parallel
 from twinscrew.runtime.errors import ConfigError, TwinscrewError
 
 # Workers cannot import tests: they get these functions by their code.

@@ -1,8 +1,7 @@
 import pytest
 
 from twinscrew.hil_sim.experiments.episode import sail_episode
-from twinscrew.hil_sim.experiments.plan import Task, parse_methods
-from twinscrew.hil_sim.experiments.sets import SetSettings
+from twinscrew.hil_sim.experiments.plan import SetSettings, Task, parse_methods
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlSettings, sail
 from twinscrew.runtime.errors import TwinscrewError

@@ -2,9 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from twinscrew.hil_sim.experiments.folder import FILE, begin, go_on, read_folder
-from twinscrew.hil_sim.experiments.plan import Experiment, Method
-from twinscrew.hil_sim.experiments.sets import SetSettings
+from twinscrew.hil_sim.experiments.plan import Experiment, Method, SetSettings
+from twinscrew.hil_sim.experiments.results import EXPERIMENT_FILE, begin, go_on, read_folder
 from twinscrew.runtime.errors import ConfigError
 
 EXPERIMENT = Experiment(
@@ -84,14 +83,14 @@ def test_what_is_no_results_folder_is_refused(tmp_path: Path) -> None:
     "content", [b"{", b'{"x": "\xff"}', pytest.param(b"[" * 100_000, id="deep")]
 )
 def test_a_damaged_experiment_is_refused_by_name(tmp_path: Path, content: bytes) -> None:
-    (tmp_path / FILE).write_bytes(content)
-    with pytest.raises(ConfigError, match=f"{FILE}: damaged"):
+    (tmp_path / EXPERIMENT_FILE).write_bytes(content)
+    with pytest.raises(ConfigError, match=f"{EXPERIMENT_FILE}: damaged"):
         read_folder(tmp_path)
 
 
 def test_a_different_checkout_that_goes_on_is_noted(tmp_path: Path) -> None:
     begin(tmp_path / "x", EXPERIMENT)
-    file = tmp_path / "x" / FILE
+    file = tmp_path / "x" / EXPERIMENT_FILE
     commit = read_folder(tmp_path / "x").origins[0].commit
     file.write_text(file.read_text().replace(commit, "0123456789ab"))
     commits = [origin.commit for origin in go_on(tmp_path / "x", {}).origins]

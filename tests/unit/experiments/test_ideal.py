@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twinscrew.hil_sim.experiments.ideal import TruePerception, TrueTracker, surroundings
+from twinscrew.hil_sim.experiments.episode import TruePerception, TrueTracker, surroundings
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.world import World, make_world
 from twinscrew.runtime.errors import ConfigError

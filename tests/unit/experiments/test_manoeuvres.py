@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from twinscrew.hil_sim.experiments.manoeuvres import (
+from twinscrew.hil_sim.experiments.encounters import (
     crossed_ahead,
     passed_to_port,
     rule_tracks,

@@ -6,7 +6,7 @@ import weakref
 import numpy as np
 import psutil
 
-from twinscrew.hil_sim.experiments.memory import give_back
+from twinscrew.hil_sim.experiments.episode import give_back
 
 
 class Ring:

@@ -1,6 +1,6 @@
 from tests.unit.experiments.episodes import vessel
 
-from twinscrew.hil_sim.experiments.outcome import cause
+from twinscrew.hil_sim.experiments.episode import cause
 
 
 def test_the_cause_is_that_of_the_first_failure() -> None:

@@ -5,13 +5,13 @@ import pytest
 from twinscrew.hil_sim.experiments.plan import (
     Experiment,
     Method,
+    SetSettings,
     check,
     episode_seed,
     parse_methods,
     tasks,
 )
 from twinscrew.hil_sim.experiments.runner import count, key_of
-from twinscrew.hil_sim.experiments.sets import SetSettings
 from twinscrew.runtime.errors import ConfigError, PolicyError
 from twinscrew.runtime.settings import CONFIG_DIR
 

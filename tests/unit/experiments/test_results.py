@@ -6,7 +6,7 @@ from msgspec.structs import replace
 from tests.unit.experiments.episodes import TIMING, encounter, episode, vessel
 
 from twinscrew.hil_sim.experiments.results import (
-    FILE,
+    RESULTS_FILE,
     ResultsFile,
     read_results,
     results_sha256,
@@ -16,7 +16,7 @@ from twinscrew.runtime.errors import RecordingError
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    return tmp_path / FILE
+    return tmp_path / RESULTS_FILE
 
 
 def write(path: Path, count: int) -> list:
@@ -60,14 +60,14 @@ def test_a_damaged_line_is_named(path: Path, line: bytes) -> None:
     write(path, 3)
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(lines[0] + line + b"\n" + lines[2])
-    with pytest.raises(RecordingError, match=rf"{FILE}:2: not an episode"):
+    with pytest.raises(RecordingError, match=rf"{RESULTS_FILE}:2: not an episode"):
         read_results(path)
 
 
 def test_an_episode_that_is_there_twice_is_refused(path: Path) -> None:
     write(path, 2)
     path.write_bytes(path.read_bytes() + path.read_bytes().splitlines(keepends=True)[0])
-    with pytest.raises(RecordingError, match=rf"{FILE}:3: line 1 again"):
+    with pytest.raises(RecordingError, match=rf"{RESULTS_FILE}:3: line 1 again"):
         read_results(path)
 
 
@@ -93,7 +93,10 @@ def test_a_disk_that_fills_loses_nothing_but_the_episode_that_did_not_fit(path: 
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="No such file"), ResultsFile(tmp_path / "x" / FILE):
+    with (
+        pytest.raises(RecordingError, match="No such file"),
+        ResultsFile(tmp_path / "x" / RESULTS_FILE),
+    ):
         pass
 
 

@@ -4,10 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from twinscrew.hil_sim.experiments.folder import begin, go_on
-from twinscrew.hil_sim.experiments.plan import Experiment, parse_methods
+from twinscrew.hil_sim.experiments.plan import Experiment, SetSettings, parse_methods
+from twinscrew.hil_sim.experiments.results import begin, go_on
 from twinscrew.hil_sim.experiments.runner import count, run
-from twinscrew.hil_sim.experiments.sets import SetSettings
 from twinscrew.runtime.errors import PolicyError
 
 

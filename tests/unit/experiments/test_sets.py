@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from twinscrew.hil_sim.experiments.sets import load_sets
+from twinscrew.hil_sim.experiments.plan import load_sets
 from twinscrew.runtime.errors import ConfigError
 
 

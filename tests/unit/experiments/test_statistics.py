@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twinscrew.hil_sim.experiments.statistics import (
+from twinscrew.hil_sim.experiments.summary import (
     Z95,
     bootstrap_mean,
     holm,

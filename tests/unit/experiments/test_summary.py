@@ -3,8 +3,7 @@ import math
 import pytest
 from tests.unit.experiments.episodes import encounter, episode, vessel
 
-from twinscrew.hil_sim.experiments.statistics import wilson
-from twinscrew.hil_sim.experiments.summary import cell, summarise
+from twinscrew.hil_sim.experiments.summary import cell, summarise, wilson
 
 HIT = (vessel("collision", 8.0, "vessel", near=-0.01), vessel(travel_time_s=99.0))
 

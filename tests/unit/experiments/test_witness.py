@@ -1,11 +1,9 @@
 import numpy as np
 import pytest
 
-from twinscrew.hil_sim.experiments.witness import WitnessAssurance, WitnessWorld
+from twinscrew.hil_sim.experiments.episode import WitnessAssurance, WitnessWorld
 from twinscrew.hil_sim.scenario import load_scenario
-from twinscrew.hil_sim.sea.sea import SeaSettings
-from twinscrew.hil_sim.sea.waves import WaveSettings
-from twinscrew.hil_sim.sea.wind import WindSettings
+from twinscrew.hil_sim.sea.sea import SeaSettings, WaveSettings, WindSettings
 from twinscrew.hil_sim.supervisor import Outcome, Supervisor
 from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.runtime.messages.types import Odometry, Tracks

@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 
-from twinscrew.hil_sim.drivers.punctual import FIFO, is_punctual, ordinary, punctual
+from twinscrew.hil_sim.drivers.processes import FIFO, is_punctual, ordinary, punctual
 from twinscrew.hil_sim.faults.plan import load_plan
 from twinscrew.hil_sim.faults.trial import groups
 from twinscrew.hil_sim.faults.waters import BUOY_ASIDE_M, LANE_M, lanes

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from twinscrew.hil_sim.drivers.runtime_process import RuntimeProcess
+from twinscrew.hil_sim.drivers.processes import RuntimeProcess
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.errors import ConfigError

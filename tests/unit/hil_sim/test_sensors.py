@@ -9,9 +9,15 @@ from msgspec.structs import replace as with_settings
 from tests.harness.circling import DT_S, EPOCH_NS, EXACT_IMU, FRAME, VRX_PLACE, truth
 
 from twinscrew.hil_sim.scenario import load_scenario
-from twinscrew.hil_sim.sensors.imu import ImuSettings, SimulatedImu, Triad, TriadSettings
-from twinscrew.hil_sim.sensors.navigation import Navigation
-from twinscrew.hil_sim.sensors.receiver import ReceiverSettings, SimulatedReceiver
+from twinscrew.hil_sim.sensors.navigation import (
+    ImuSettings,
+    Navigation,
+    ReceiverSettings,
+    SimulatedImu,
+    SimulatedReceiver,
+    Triad,
+    TriadSettings,
+)
 from twinscrew.hil_sim.vessel.state import VesselState
 from twinscrew.hil_sim.world import make_world
 from twinscrew.runtime.estimation.sensors import SensorSettings

@@ -5,7 +5,7 @@ import socket
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.hil_sim.drivers.fleet import simulated_fleet
+from twinscrew.hil_sim.drivers.realtime import simulated_fleet
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlSettings, sail
 from twinscrew.runtime.errors import ConfigError, LinkError

@@ -7,11 +7,8 @@ from pathlib import Path
 
 from tests.unit.experiments.episodes import encounter, episode, vessel
 
-from twinscrew.hil_sim.experiments.folder import begin
-from twinscrew.hil_sim.experiments.plan import Experiment, Method
-from twinscrew.hil_sim.experiments.record import EpisodeRecord
-from twinscrew.hil_sim.experiments.results import FILE, ResultsFile
-from twinscrew.hil_sim.experiments.sets import SetSettings
+from twinscrew.hil_sim.experiments.plan import Experiment, Method, SetSettings
+from twinscrew.hil_sim.experiments.results import RESULTS_FILE, EpisodeRecord, ResultsFile, begin
 
 SETS = ("3 rob 0 obs", "5 rob 4 obs")
 HIT = (vessel("collision", 8.0, "buoy", near=-0.02), vessel())
@@ -42,7 +39,7 @@ def folder(path: Path, records: Iterable[EpisodeRecord], **changes) -> Path:
     )
     asked = {"methods": methods, "sets": sets, "episodes": 3, "seed": 7, **changes}
     begin(path, Experiment(**asked))
-    with ResultsFile(path / FILE) as file:
+    with ResultsFile(path / RESULTS_FILE) as file:
         for record in records:
             file.append(record)
     return path

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from twinscrew.hil_sim.sea import waves
-from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
-from twinscrew.hil_sim.sea.waves import WaveSettings
-from twinscrew.hil_sim.sea.wind import WindSettings
+from twinscrew.hil_sim.sea.sea import Sea, SeaSettings, WaveSettings, WindSettings, wave_elevation
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.settings import convert, load, shipped
 
@@ -69,7 +66,7 @@ def test_the_table_for_the_native_step_holds_the_same_waves():
     place, t = np.array([11.0, -6.0]), 12.5
     a, k_n, k_e, w, phase = sea.wave_table.T
     by_hand = np.sum(a * np.cos(k_n * 11.0 + k_e * -6.0 - w * t + phase)) * sea.wave_growth(t)
-    assert by_hand == pytest.approx(float(waves.elevation(sea.waves, place, t)), abs=1e-14)
+    assert by_hand == pytest.approx(float(wave_elevation(sea.waves, place, t)), abs=1e-14)
 
 
 def test_an_unknown_sea_is_refused_with_the_known_ones():

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from twinscrew.hil_sim.sea.wind import BLOCK, GRID_S, Wind, WindSettings
+from twinscrew.hil_sim.sea.sea import BLOCK, GRID_S, Wind, WindSettings
 
 
 def wind(seed: int = 0, **settings: float) -> Wind:

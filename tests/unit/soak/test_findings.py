@@ -7,11 +7,9 @@ import pytest
 
 from twinscrew.hil_sim.faults.timeline import Span
 from twinscrew.hil_sim.faults.verdict import Measured, Verdict
-from twinscrew.hil_sim.soak.findings import Finding, findings, lives, longest
-from twinscrew.hil_sim.soak.report import as_dict, write
-from twinscrew.hil_sim.soak.samples import Sample
-from twinscrew.hil_sim.soak.settings import load_soak
-from twinscrew.hil_sim.soak.vessel import Judged, Missed, VesselSoak
+from twinscrew.hil_sim.soak.findings import Finding, as_dict, findings, lives, longest, write
+from twinscrew.hil_sim.soak.limits import Sample, load_soak
+from twinscrew.hil_sim.soak.vessels import Judged, Missed, VesselSoak
 
 SETTINGS = load_soak()
 KEPT = Measured(what="neutral", promised="0.5 s", measured="0.40 s", kept=True)

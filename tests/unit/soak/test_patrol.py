@@ -2,7 +2,7 @@ import numpy as np
 
 from twinscrew.hil_sim.faults.timeline import Span
 from twinscrew.hil_sim.faults.waters import lanes
-from twinscrew.hil_sim.soak.patrol import AGAIN_S, TURN_M, Patrol
+from twinscrew.hil_sim.soak.vessels import AGAIN_S, TURN_M, Patrol
 from twinscrew.hil_sim.world import make_world
 
 

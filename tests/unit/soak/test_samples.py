@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.harness.waiting import wait_until
 
-from twinscrew.hil_sim.soak.samples import Sample, growth, sample
+from twinscrew.hil_sim.soak.limits import Sample, growth, sample
 
 
 def life(slope_mb_per_h: float, noise_mb: float = 0.0, minutes: float = 20.0) -> list[Sample]:

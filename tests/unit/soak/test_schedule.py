@@ -3,7 +3,7 @@ import pytest
 
 from twinscrew.hil_sim.faults.plan import load_plan
 from twinscrew.hil_sim.soak.run import plans_for
-from twinscrew.hil_sim.soak.schedule import draw, joined, spares_the_runtime, waits
+from twinscrew.hil_sim.soak.vessels import draw, joined, spares_the_runtime, waits
 
 HOUR_S = 3600.0
 PAUSE_S = (2.0, 8.0)

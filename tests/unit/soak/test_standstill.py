@@ -9,7 +9,7 @@ import pytest
 from tests.harness.waiting import wait_until
 
 from twinscrew.hil_sim.faults.timeline import Span
-from twinscrew.hil_sim.soak.standstill import Watch, within
+from twinscrew.hil_sim.soak.limits import Watch, within
 
 STILL = [Span(1.0, 1.25), Span(1.0, 1.5), Span(4.0, 4.5)]
 

@@ -9,8 +9,7 @@ from twinscrew.hil_sim.faults.crew import Made
 from twinscrew.hil_sim.faults.plan import Fault, FaultPlan, Promise
 from twinscrew.hil_sim.faults.timeline import Span, Timeline
 from twinscrew.hil_sim.faults.witness import Witness
-from twinscrew.hil_sim.soak.schedule import Scheduled
-from twinscrew.hil_sim.soak.vessel import VesselSoak, look_back
+from twinscrew.hil_sim.soak.vessels import Scheduled, VesselSoak, look_back
 from twinscrew.runtime.safety.events import OVERRUN
 
 PROMISE = Promise(fault="scans stop", reaction="neutral", neutral_s=0.5, moves_again_s=1.0)

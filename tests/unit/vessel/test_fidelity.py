@@ -18,8 +18,7 @@ from tests.reference.sailing import (
     windy,
 )
 
-from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
-from twinscrew.hil_sim.sea.waves import WaveSettings
+from twinscrew.hil_sim.sea.sea import Sea, SeaSettings, WaveSettings
 from twinscrew.hil_sim.vessel.dynamics import VesselDynamics, as_vrx
 from twinscrew.hil_sim.vessel.inertia import join
 from twinscrew.hil_sim.vessel.parameters import load_vessel
