@@ -54,13 +54,14 @@ def expected_of_policies(config: RuntimeConfig) -> PolicyExpectation:
     )
 
 
-def make_controller(config: RuntimeConfig) -> Controller:
-    """Make everything of a vessel's runtime but its sockets and its clock."""
+def make_controller(config: RuntimeConfig, *, looks_first: bool = True) -> Controller:
+    """Make everything of a vessel's runtime but its sockets and its clock; see `Controller`."""
     autopilot = autopilot_of(config)
     us = (autopilot.system_id, autopilot.component_id)
     stations = Stations(config.ground.orders, autopilot.datum, us)
     link = AutopilotLink(autopilot, stations=stations)
-    return Controller(make_core(config), link, odometry_source(config, link))
+    source = odometry_source(config, link)
+    return Controller(make_core(config), link, source, looks_first=looks_first)
 
 
 def odometry_source(config: RuntimeConfig, link: AutopilotLink) -> OdometrySource | None:

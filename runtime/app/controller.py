@@ -36,6 +36,8 @@ FAULTS = {kind.name for kind in (POLICY_ERROR, PERCEPTION_ERROR, GUARD_TRIPPED, 
 WATCHED = {"points": LIDAR_STALE, "odometry": ODOMETRY_STALE}
 """The inputs that must keep coming, and what it is called when they do not."""
 
+FAULT_HOLD_S = 1.0
+"""[s] After a fault of the runtime itself the thrust is neutral for this long."""
 DISOBEYED_S = 5.0
 """[s] After the autopilot ignored the commands, neutral thrust this long before the next try."""
 
@@ -52,9 +54,23 @@ class Controller:
     """Core, watchdog, guard, health and autopilot link of one vessel."""
 
     def __init__(
-        self, core: Core, link: AutopilotLink, odometry: OdometrySource | None = None
+        self,
+        core: Core,
+        link: AutopilotLink,
+        odometry: OdometrySource | None = None,
+        *,
+        looks_first: bool = True,
     ) -> None:
-        """Join them; `odometry` is given if it does not come over the bus."""
+        """Join them.
+
+        Parameters
+        ----------
+        odometry
+            Makes odometry, if that does not come over the bus.
+        looks_first
+            Whether nothing may be driven before the surroundings have been seen for long enough,
+            at the very start too. A simulation in lock-step begins with vessels that may.
+        """
         self.core = core
         self.link = link
         self._odometry = odometry
@@ -67,6 +83,9 @@ class Controller:
         self._disobeyed_until_s = -math.inf
         self._engaged = False
         self._fault = False
+        self._has_looked = not looks_first
+        self._inputs_too_old = False
+        self._held_until_s = self._now_s = -math.inf
 
     @property
     def state(self) -> State:
@@ -88,6 +107,7 @@ class Controller:
 
         It never raises on the message's content.
         """
+        self._look(now_s)
         if topic in SENSED:
             return self._sense(topic, payload, now_s)
         scan_before_ns = self.core.scan_ns
@@ -104,6 +124,7 @@ class Controller:
         faulty = any(event.name in FAULTS for event in events)
         if faulty or outcome.decision is not None:
             self._fault = faulty
+        self._has_looked = self._has_looked or self.core.knows_surroundings
         self.note(events, now_s)
         return Handled(outcome.decision, events)
 
@@ -136,7 +157,11 @@ class Controller:
         events
             What an operator should know.
         """
+        self._look(now_s)
         said = [replace(event, stamp_ns=self.stamp_ns) for event in self.link.events(now_s)]
+        if self._odometry is not None:
+            troubles = self._odometry.take_troubles()
+            said += [BAD_MESSAGE.at(self.stamp_ns, f"odometry: {why}") for why in troubles]
         events = [*self._watchdog.check(now_s, self.stamp_ns), *said]
         self.note(tuple(events), now_s)
         status = self.link.status
@@ -144,18 +169,30 @@ class Controller:
         change = self.health.step(self._facts(status, may_drive, now_s), self.stamp_ns)
         if change:
             events.append(change)
-        engaged = may_drive and not self._watchdog.stale
+        ready = self._has_looked and not self._is_held(now_s)
+        engaged = may_drive and ready and not self._watchdog.stale
         if engaged == self._engaged:
             return None, tuple(events)
+        message = cdr.encode_engagement(Engagement(stamp_ns=self.stamp_ns, engaged=engaged))
         self._engaged = engaged
-        message = Engagement(stamp_ns=self.stamp_ns, engaged=engaged)
-        return cdr.encode_engagement(message), tuple(events)
+        return message, tuple(events)
 
     def command(self, now_s: float) -> bytes:
-        """Give the MAVLink bytes to send now: the thrust, and what the link has to say."""
+        """Give the MAVLink bytes to send now: the thrust, and what the link has to say.
+
+        On inputs that are too old the thrust is neutral, and nothing is asked of the autopilot,
+        whatever `supervise` found when it was last called.
+        """
+        self._look(now_s)
         thrust, _ = self._guard.check(self.thrust, self.stamp_ns)
         wanted = None if self.state is State.READY and not self._has_goal else thrust
-        return self.link.command(wanted, now_s) + self.link.tick(now_s)
+        asks = not self._inputs_too_old
+        return self.link.command(wanted, now_s) + self.link.tick(now_s, may_ask=asks)
+
+    def hold(self, now_s: float) -> bytes:
+        """Hold the thrust neutral after a fault of the runtime, and give the bytes that say so."""
+        self._held_until_s = now_s + FAULT_HOLD_S
+        return self.link.command(NEUTRAL, now_s)
 
     def rest(self, now_s: float) -> bytes:
         """Give the last MAVLink bytes of a run: propellers at stop."""
@@ -165,9 +202,18 @@ class Controller:
     @property
     def thrust(self) -> Float64:
         """[N] (2,) What the propellers should give now, left and right."""
-        if not self._engaged or self._fault or self.decision is None:
+        if not self._engaged or self._fault or self._inputs_too_old or self.decision is None:
             return NEUTRAL
-        return self.decision.thrust
+        return NEUTRAL if self._is_held(self._now_s) else self.decision.thrust
+
+    def _look(self, now_s: float) -> None:
+        """Look at the inputs' ages: the first thing that is done, however long nothing was."""
+        self._now_s = now_s
+        self._watchdog.awake(now_s)
+        self._inputs_too_old = self._watchdog.too_old(now_s)
+
+    def _is_held(self, now_s: float) -> bool:
+        return now_s < self._held_until_s
 
     def _sense(self, topic: str, payload: bytes, now_s: float) -> Handled:
         events: tuple[HealthEvent, ...] = ()
@@ -198,7 +244,8 @@ class Controller:
             inputs_heard=self._watchdog.all_heard and status.message_age_s < math.inf,
             inputs_fresh=not self._watchdog.stale and status.connected,
             may_drive=may_drive,
-            fault=self._fault,
+            fault=self._fault or self._is_held(now_s),
+            knows_surroundings=self._has_looked and not self.core.is_settling,
             has_goal=self._has_goal,
             warned=self.health.warned(now_s),
         )

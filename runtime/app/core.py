@@ -20,7 +20,6 @@ from twinscrew.runtime.app.pipeline import Pipeline
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import (
-    NANOSECONDS_PER_SECOND,
     Decision,
     Engagement,
     Float64,
@@ -39,9 +38,6 @@ from twinscrew.runtime.safety.events import (
     ODOMETRY_MISSING,
     OUT_OF_ORDER,
 )
-
-JUMP_DISTRUST_NS = NANOSECONDS_PER_SECOND
-"""[ns] After a jump of the position the boat stands still this long, to see whether it settles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +65,6 @@ class Core:
         self._engaged = False
         self._last_scan_ns: int | None = None
         self._latest_ns = 0
-        self._distrust_until_ns: int | None = None
         self._doors: dict[str, Callable[[bytes], Outcome]] = {
             "points": lambda payload: self._scan(cdr.decode_point_cloud(payload)),
             "odometry": lambda payload: self._add_odometry(cdr.decode_odometry(payload)),
@@ -93,11 +88,21 @@ class Core:
         """[ns] The stamp of the last scan that was in order, whether it could be used or not."""
         return self._last_scan_ns
 
+    @property
+    def knows_surroundings(self) -> bool:
+        """Whether what is around has been seen for long enough; see `Pipeline`."""
+        return self.pipeline.knows_surroundings
+
+    @property
+    def is_settling(self) -> bool:
+        """Whether the thrust is zero because what is around was forgotten; see `Pipeline`."""
+        return self.pipeline.is_settling
+
     def feed(self, topic: str, payload: bytes) -> Outcome:
         """Take in one message of a core input topic; it never raises.
 
         A fault of the runtime itself is an `internal_error`, after which everything remembered of
-        the surroundings is forgotten: the next scan starts afresh, with the policy asked at once.
+        the surroundings is forgotten: the next scan starts afresh.
         """
         try:
             return self._doors[topic](payload)
@@ -133,7 +138,6 @@ class Core:
             events = (self._restart("odometry", stamp_ns),)
         elif arrival is Arrival.JUMP:
             self.pipeline.reset()
-            self._distrust_until_ns = stamp_ns + JUMP_DISTRUST_NS
             north, east = odometry.position_N[:2]
             events = (ODOMETRY_JUMP.at(stamp_ns, f"to north {north:.1f} m, east {east:.1f} m"),)
         self._latest_ns = stamp_ns
@@ -159,19 +163,11 @@ class Core:
             return Outcome(events=(late,))
         if self._freshness.scan_repeats(cloud, odometry):
             return Outcome(events=(*events, INPUT_FROZEN.at(stamp_ns, "points")))
-        decision = self.pipeline.step(
-            cloud, odometry, engaged=self._engaged and self._trusts(stamp_ns)
-        )
+        decision = self.pipeline.step(cloud, odometry, engaged=self._engaged)
         return Outcome(stamp_ns=stamp_ns, decision=decision, events=events)
-
-    def _trusts(self, stamp_ns: int) -> bool:
-        if self._distrust_until_ns is not None and stamp_ns >= self._distrust_until_ns:
-            self._distrust_until_ns = None
-        return self._distrust_until_ns is None
 
     def _restart(self, topic: str, stamp_ns: int) -> HealthEvent:
         self.pipeline.reset()
         self._last_scan_ns = None
-        self._distrust_until_ns = None
         back_s = seconds_between(stamp_ns, self._latest_ns)
         return CLOCK_BACK.at(stamp_ns, f"{topic}: {back_s:.3f} s before the last message")

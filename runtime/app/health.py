@@ -4,7 +4,8 @@ The first that fits, from above; nothing else is remembered, so that any state b
 follow any other::
 
     an input or the autopilot never heard --------------------------> STANDBY
-    an input stale, the autopilot silent, the last decision failed --> SAFE
+    an input stale, the autopilot silent, a fault, or the
+    surroundings not seen for long enough ---------------------------> SAFE
     not armed, not MANUAL, not obeyed; no goal, or all reached ------> READY
     a warning within the last second --------------------------------> DEGRADED
     else ------------------------------------------------------------> ACTIVE
@@ -43,7 +44,9 @@ class Facts:
     may_drive: bool
     """The autopilot is armed, in the right mode, and obeys."""
     fault: bool
-    """The policy, perception or the guard failed in the last decision."""
+    """The policy, perception or the guard failed in the last decision, or the runtime itself."""
+    knows_surroundings: bool
+    """What is around has been seen for long enough since the start, or since it was forgotten."""
     has_goal: bool
     """There is a goal that is not reached yet."""
     warned: bool
@@ -54,7 +57,7 @@ def state_of(facts: Facts) -> State:
     """Give the state that follows from the facts; the first that fits, worst first."""
     if not facts.inputs_heard:
         return State.STANDBY
-    if not facts.inputs_fresh or facts.fault:
+    if not facts.inputs_fresh or facts.fault or not facts.knows_surroundings:
         return State.SAFE
     if not facts.may_drive or not facts.has_goal:
         return State.READY

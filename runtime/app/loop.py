@@ -3,6 +3,10 @@
 Scans are worked on as they come; the thrust is re-sent, the inputs' ages are checked and the
 autopilot is heard on a fixed grid of ticks that does not drift. The loop itself sends the
 heartbeat: if it dies, the autopilot's failsafe stops the boat.
+
+Whatever raises while a message is worked on or a tick is made, ends there: the thrust is neutral
+for a second, `internal_error` says why, and the loop goes on (`Loop._guarded`). What raises for
+ever keeps the propellers still for ever, and the operator informed.
 """
 
 from __future__ import annotations
@@ -10,6 +14,8 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from typing import ParamSpec, TypeVar
 
 from twinscrew.runtime.app.controller import Controller
 from twinscrew.runtime.app.garbage import Garbage
@@ -24,6 +30,7 @@ from twinscrew.runtime.errors import LinkError
 from twinscrew.runtime.link.transport import Transport
 from twinscrew.runtime.messages.types import HealthEvent
 from twinscrew.runtime.safety.events import (
+    INTERNAL_ERROR,
     LINK_DOWN,
     LINK_RESTORED,
     MESSAGES_MISSING,
@@ -31,7 +38,11 @@ from twinscrew.runtime.safety.events import (
     RECORDER,
 )
 
+P = ParamSpec("P")
+T = TypeVar("T")
 NANOSECONDS_PER_MS = 1e6
+PAUSE_S = 0.001
+"""[s] An inbox that cannot be waited on is not asked again at once."""
 OVERRUN_MS = 100.0
 """[ms] A decision later than this misses the next scan of a 10 Hz LiDAR."""
 
@@ -75,12 +86,43 @@ class Loop:
             if self._next_tick_s == math.inf:
                 self._next_tick_s = self._clock()  # the grid begins with the first turn
             while not stop():
-                for message in self._inbox.wait(self._next_tick_s - self._clock()):
-                    self._compute(message)
+                came = self._guarded(self._inbox.wait, self._next_tick_s - self._clock())
+                if came is None:
+                    time.sleep(PAUSE_S)
+                for message in came or ():
+                    self._guarded(self._compute, message)
                 if self._clock() >= self._next_tick_s:
-                    self._tick()
+                    self._guarded(self._tick)
                     garbage.collect(self._clock())
-        self._manager.stopping()
+        self._guarded(self._manager.stopping)
+        self._guarded(self._rest)
+
+    def _guarded(self, do: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | None:
+        """Do something; what it raises stops the propellers, not the loop."""
+        try:
+            return do(*args, **kwargs)
+        except Exception as error:
+            self._hold(do.__name__.strip("_"), error)
+            return None
+
+    def _hold(self, where: str, error: Exception) -> None:
+        """Hold the propellers at rest, and say why to everybody who can still be reached.
+
+        Each step is tried for itself: what raised may raise here again.
+        """
+        now_s = self._clock()
+        with suppress(Exception):
+            self._send(self._controller.hold(now_s))
+        detail = f"{where}: {type(error).__name__}: {error}"
+        event = (INTERNAL_ERROR.at(self._controller.stamp_ns, detail),)
+        with suppress(Exception):
+            self._controller.note(event, now_s)
+        with suppress(Exception):
+            self._outlet.happened(event)
+        with suppress(Exception):
+            self._desk.report.happened(event, now_s)
+
+    def _rest(self) -> None:
         self._send(self._controller.rest(self._clock()))
 
     def _compute(self, message: Received) -> None:

@@ -24,6 +24,7 @@ from dataclasses import replace
 from statistics import median_low
 from typing import Literal, Protocol
 
+from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.estimation.estimator import Estimator
 from twinscrew.runtime.estimation.settings import EstimationSettings
 from twinscrew.runtime.link.autopilot import AutopilotLink
@@ -99,6 +100,9 @@ class OdometrySource(Protocol):
     def payloads(self) -> list[bytes]:
         """Give the messages of the `odometry` topic that were made since the last call."""
 
+    def take_troubles(self) -> list[str]:
+        """Say why odometry could not be written since the last call, if it could not."""
+
 
 SENSED = ("gps", "imu")
 """The topics that odometry is made of."""
@@ -109,6 +113,7 @@ class AutopilotOdometry:
 
     def __init__(self, link: AutopilotLink, alignment: Alignment) -> None:
         self._link = link
+        self._troubles: list[str] = []
         self.alignment = alignment
 
     def scan_came(self, stamp_ns: int, now_s: float) -> None:
@@ -123,13 +128,26 @@ class AutopilotOdometry:
         """See `OdometrySource`: nothing was sensed."""
 
     def payloads(self) -> list[bytes]:
-        """Give what has come since the last call; nothing before the first scan."""
+        """Give what has come since the last call; nothing before the first scan.
+
+        Odometry whose stamp ROS 2 cannot write is left out: the scans' clock is set to before 1901
+        or after 2038.
+        """
         messages = []
         for odometry in self._link.take_odometry():
             stamp_ns = self.alignment.lidar_ns(odometry.stamp_ns)
-            if stamp_ns is not None:
+            if stamp_ns is None:
+                continue
+            try:
                 messages.append(cdr.encode_odometry(replace(odometry, stamp_ns=stamp_ns)))
+            except MessageError as error:
+                self._troubles.append(str(error))
         return messages
+
+    def take_troubles(self) -> list[str]:
+        """See `OdometrySource`."""
+        troubles, self._troubles = self._troubles, []
+        return troubles
 
 
 class GpsImuOdometry:
@@ -160,3 +178,7 @@ class GpsImuOdometry:
         """See `OdometrySource`."""
         made, self._made = self._made, []
         return made
+
+    def take_troubles(self) -> list[str]:
+        """See `OdometrySource`: what cannot be written is raised by `sense`."""
+        return []

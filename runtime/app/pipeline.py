@@ -10,6 +10,7 @@ import numpy as np
 
 from twinscrew.runtime.app.mission import Mission
 from twinscrew.runtime.app.schedule import DecisionSchedule
+from twinscrew.runtime.app.settling import Settling
 from twinscrew.runtime.errors import PolicyError, TwinscrewError
 from twinscrew.runtime.messages.types import (
     OBSERVED_OBJECTS,
@@ -59,6 +60,8 @@ class Pipeline:
         self.assurance = assurance
         self._observation = observation or ObservationSettings()
         self._schedule = DecisionSchedule(policy.period_s)
+        life = tracker.settings.life
+        self._settling = Settling(life.birth_scans, life.coast_s)
         self._sequence = 0
         self._goal_was_missing = False
         self._rate: Float64 = NEUTRAL
@@ -74,13 +77,21 @@ class Pipeline:
         odometry
             The vessel's state at the scan's stamp.
         engaged
-            Whether the thrust acts; if not, the policy is not asked and the thrust is zero.
+            Whether the thrust acts; if not, the policy is not asked and the thrust is zero. So it
+            is until the surroundings have been seen for long enough after they were forgotten.
         """
         events: list[HealthEvent] = []
         objects = self._perceive(cloud, odometry, events)
+        blind = bool(events)
         tracks = self.tracker.step(objects, odometry)
         if self.tracker.note:
             events.append(TRACKS_FORGOTTEN.at(cloud.stamp_ns, self.tracker.note))
+            self._settling.restart()
+        if blind:
+            self._settling.miss(cloud.stamp_ns)
+        else:
+            self._settling.see(cloud.stamp_ns)
+        engaged = engaged and not blind and not self.is_settling
         free = self._may_sail(odometry, engaged, events)
         seen = self._sail(odometry, tracks, events) if free else None
         self._thrust, tripped = self.guard.check(self._thrust, cloud.stamp_ns)
@@ -106,11 +117,25 @@ class Pipeline:
         self.policy.act(blank)
         self.policy.reset()
 
+    @property
+    def knows_surroundings(self) -> bool:
+        """Whether what is around has been seen for long enough, since the start or a `reset`."""
+        return self._settling.is_settled
+
+    @property
+    def is_settling(self) -> bool:
+        """Whether the thrust is zero because what is around was forgotten a moment ago.
+
+        Not at the very start: then whoever says that the vessel is engaged sees to it.
+        """
+        return self._settling.has_forgotten and not self._settling.is_settled
+
     def reset(self) -> None:
         """Forget the surroundings: the inputs' time, or the vessel's position, has jumped."""
+        self._settling.restart()
+        self._stop()
         self.tracker.reset()
         self.policy.reset()
-        self._stop()
 
     def _perceive(
         self, cloud: PointCloud, odometry: Odometry, events: list[HealthEvent]
@@ -132,8 +157,7 @@ class Pipeline:
         if missing and not self._goal_was_missing:
             events.append(GOAL_MISSING.at(odometry.stamp_ns))
         self._goal_was_missing = missing
-        blind = any(event.name == PERCEPTION_ERROR.name for event in events)
-        if missing or blind or not engaged or self.mission.arrived:
+        if missing or not engaged or self.mission.arrived:
             self._stop()
             return False
         return True

@@ -34,7 +34,7 @@ class SteppedRuntime:
             [ns] The simulation's begin, for the recording's log times.
         """
         self.config = config
-        self.controller = make_controller(config)
+        self.controller = make_controller(config, looks_first=False)
         self.latencies = Latencies()
         self._inputs = inputs_of(config)
         self._epoch_ns = epoch_ns

@@ -15,7 +15,7 @@ from pathlib import Path
 from twinscrew.runtime.link import commands
 from twinscrew.runtime.link.conditions import Conditions, conditions
 from twinscrew.runtime.link.conversation import Wanted
-from twinscrew.runtime.link.events import AUTOPILOT_SAYS, PARAMETERS_WRITTEN
+from twinscrew.runtime.link.events import AUTOPILOT_SAYS, MESSAGE_UNSENT, PARAMETERS_WRITTEN
 from twinscrew.runtime.link.listener import Listener
 from twinscrew.runtime.link.modes import mode_name
 from twinscrew.runtime.link.paddling import RELEASED, STOP, LettingGo, Pair, Thrust, paddles
@@ -69,6 +69,7 @@ class AutopilotLink:
         ]
         self._outbox: list[Message] = []
         self._texts = 0
+        self._unsent: list[str] = []
         self._now_s = self._beat_s = self._commanded_s = -math.inf
         self._first_command_s = math.inf
 
@@ -82,11 +83,18 @@ class AutopilotLink:
             elif self.stations is not None:
                 self.stations.take(message, now_s)
 
-    def tick(self, now_s: float) -> bytes:
+    def tick(self, now_s: float, *, may_ask: bool = True) -> bytes:
         """Give what keeps the conversation going: heartbeat, requests, texts.
 
         If no command came lately, stop is commanded with it: a boat whose policy thinks too long
-        stops.
+        stops. A message that cannot be written is left out, and named by an event.
+
+        Parameters
+        ----------
+        now_s
+            [s] The caller's time.
+        may_ask
+            Whether MANUAL and arming may be asked for; not by a caller who could not drive.
         """
         self._now_s = now_s
         messages = self._outbox + self._listener.replies
@@ -95,14 +103,14 @@ class AutopilotLink:
             self._beat_s = now_s
             messages.append(commands.heartbeat())
         if self._listener.connected(now_s):
-            messages += self._requests(now_s)
+            messages += self._requests(now_s, may_ask=may_ask)
         if self.stations is not None:
             messages += self.stations.due(now_s)
         if self._commanded_s == -math.inf:
             self._commanded_s = now_s
         late = now_s - self._commanded_s > commands.COMMAND_STALE_S
         stop = self.command((0.0, 0.0), now_s) if late else b""
-        return b"".join(self.wire.encode(message) for message in messages) + stop
+        return b"".join(self._frame(message) for message in messages) + stop
 
     def command(self, thrust: Thrust | None, now_s: float) -> bytes:
         """Give the bytes that ask for thrust.
@@ -141,6 +149,8 @@ class AutopilotLink:
         listener = self._listener
         said = [AUTOPILOT_SAYS.at(stamp_ns, text) for text in listener.texts]
         listener.texts = []
+        said += [MESSAGE_UNSENT.at(stamp_ns, why) for why in self._unsent]
+        self._unsent = []
         written = listener.parameters.take_written()
         if written:
             said.append(PARAMETERS_WRITTEN.at(stamp_ns, "; ".join(written)))
@@ -204,18 +214,28 @@ class AutopilotLink:
             parameters_wrong=listener.parameters.wrong,
         )
 
-    def _requests(self, now_s: float) -> list[Message]:
+    def _requests(self, now_s: float, *, may_ask: bool) -> list[Message]:
         listener, authority = self._listener, self._listener.authority
         messages = [request for stream in self._streams for request in stream.ask(now_s)]
         messages += listener.parameters.ask(self.settings.system_id, now_s)
         if self.settings.state_hz > 0:
             messages += listener.odometry.clock.ask(now_s)
+        if not may_ask:
+            return messages
         if listener.is_boat and authority.asks_manual:
             messages += listener.manual.ask(now_s)
         streaming = now_s - self._first_command_s >= commands.STREAM_BEFORE_ARMING_S
         if listener.is_boat and authority.asks_arming and streaming:
             messages += listener.arming.ask(now_s)
         return messages
+
+    def _frame(self, message: Message) -> bytes:
+        """Give a message's frame; none if a field cannot hold what it should say."""
+        try:
+            return self.wire.encode(message)
+        except Exception as error:  # pymavlink raises whatever struct and its own code do
+            self._unsent.append(f"{message.get_type()}: {error}")
+            return b""
 
     def _is_the_pilots(self, *, nothing_wanted: bool) -> bool:
         authority = self._listener.authority

@@ -32,6 +32,8 @@ _STATE = {
 _IGNORE = 65535
 _TEXT_LENGTH = 50
 """[bytes] One STATUSTEXT."""
+MOST_CHUNKS = 10
+"""[-] Of one text: chunks are numbered by 8 bits, and a slow radio has other things to carry."""
 _NUMBERS = 65_536
 _SEVERITIES = {
     Severity.INFO: mavlink.MAV_SEVERITY_INFO,
@@ -96,7 +98,7 @@ def streams(settings: AutopilotSettings) -> list[tuple[int, float]]:
 
 
 def statustext(text: str, severity: Severity, number: int) -> list[Message]:
-    """Give the messages that carry a text of any length, 50 bytes each.
+    """Give the messages that carry a text, 50 bytes each, of which `MOST_CHUNKS` at most are sent.
 
     Parameters
     ----------
@@ -104,7 +106,7 @@ def statustext(text: str, severity: Severity, number: int) -> list[Message]:
         Another one for each text: it joins the chunks of a long one. Its last chunk is shorter than
         50 bytes, if need be empty: so a station knows that it has them all.
     """
-    encoded = text.encode("ascii", errors="replace")
+    encoded = text[: MOST_CHUNKS * _TEXT_LENGTH - 1].encode("ascii", errors="replace")
     if len(encoded) <= _TEXT_LENGTH:
         return [mavlink.MAVLink_statustext_message(_SEVERITIES[severity], encoded)]
     starts = range(0, len(encoded) + 1, _TEXT_LENGTH)

@@ -31,6 +31,9 @@ PARAMETERS_WRONG = EventKind(
 PARAMETERS_WRITTEN = EventKind(
     "parameters_written", Severity.INFO, "Autopilot parameters were put right."
 )
+MESSAGE_UNSENT = EventKind(
+    "message_unsent", Severity.WARNING, "A message could not be written for the line: left out."
+)
 AUTOPILOT_RECOVERED = EventKind(
     "autopilot_recovered", Severity.INFO, "A condition of the autopilot link is over."
 )

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.runtime.link.datum import Datum, to_degrees
+from twinscrew.runtime.link.datum import EARTH_RADIUS_M, Datum, to_degrees
 from twinscrew.runtime.link.wire import Message
 from twinscrew.runtime.messages.types import Tracks
 
@@ -54,13 +54,23 @@ def ais_vessels(
         Where the origin of N lies on the earth.
     least_speed_mps
         [m/s] Slower tracks are buoys, quays, or vessels that cannot be told from them.
+
+    Yields
+    ------
+    Message
+        One a vessel; a track whose place is none on earth, or whose numbers are not finite, is left
+        out: the message cannot say it.
     """
     speed = np.hypot(tracks.v_N[:, 0], tracks.v_N[:, 1])
     for k in np.flatnonzero((speed >= least_speed_mps) & (tracks.age_s <= STALE_S)).tolist():
         north, east = tracks.v_N[k].tolist()
+        if not _can_be_said(tracks, k):
+            continue
         course_cdeg = round(100.0 * math.degrees(math.atan2(east, north))) % 36_000
         latitude_deg, longitude_deg = to_degrees(datum, tracks.p_N[k])
-        radius_m = min(_LARGEST_M, math.ceil(tracks.radius[k]))
+        if abs(latitude_deg) > 90.0:
+            continue
+        radius_m = math.ceil(min(_LARGEST_M, tracks.radius[k]))
         yield mavlink.MAVLink_ais_vessel_message(
             mmsi(system_id, int(tracks.id[k])),
             round(latitude_deg * 1e7),
@@ -80,3 +90,9 @@ def ais_vessels(
             round(float(tracks.age_s[k])),
             _KNOWN,
         )
+
+
+def _can_be_said(tracks: Tracks, k: int) -> bool:
+    numbers = (*tracks.v_N[k], tracks.radius[k])
+    on_earth = math.hypot(*tracks.p_N[k]) <= math.pi * EARTH_RADIUS_M  # half-way round it
+    return on_earth and all(math.isfinite(number) for number in numbers)

@@ -6,8 +6,13 @@ Scripts and operators rely on these names. docs/safety.md tells each one's react
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from twinscrew.runtime.messages.types import HealthEvent, Severity
+
+GREATEST_DETAIL: Final = 500
+"""[-] Letters of an event's detail. What a message says of itself (names of fields, frames) may
+end up in one, and everything that carries events has a greatest length of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,8 +24,25 @@ class EventKind:
     meaning: str
 
     def at(self, stamp_ns: int, detail: str = "") -> HealthEvent:
-        """Make the event of this kind that happened at a time."""
-        return HealthEvent(stamp_ns=stamp_ns, name=self.name, severity=self.severity, detail=detail)
+        """Make the event of this kind that happened at a time.
+
+        Parameters
+        ----------
+        stamp_ns
+            [ns] When.
+        detail
+            What there is to say about it; cut to `GREATEST_DETAIL` letters, and what UTF-8 cannot
+            write is replaced by question marks.
+        """
+        return HealthEvent(
+            stamp_ns=stamp_ns, name=self.name, severity=self.severity, detail=_printable(detail)
+        )
+
+
+def _printable(detail: str) -> str:
+    if len(detail) > GREATEST_DETAIL:
+        detail = detail[: GREATEST_DETAIL - 4] + " ..."
+    return detail.encode("utf-8", errors="replace").decode("utf-8")
 
 
 def _info(name: str, meaning: str) -> EventKind:
@@ -39,18 +61,18 @@ LIDAR_STALE = _error("lidar_stale", "No scan that can be used for too long: neut
 ODOMETRY_STALE = _error("odometry_stale", "No new odometry for too long: neutral thrust.")
 INPUT_RECOVERED = _info("input_recovered", "A stale input is fresh again.")
 ODOMETRY_JUMP = _error(
-    "odometry_jump", "The position moved faster than a boat can: neutral thrust for a second."
+    "odometry_jump", "The position moved faster than a boat can: all is forgotten, neutral thrust."
 )
 ODOMETRY_MISSING = _warning(
     "odometry_missing", "A scan came without odometry near its time: it is not used."
 )
 CLOCK_BACK = _error(
-    "clock_back", "The inputs' time went back: all is forgotten, thrust starts from zero."
+    "clock_back", "The inputs' time went back: all is forgotten, neutral thrust for a while."
 )
 INPUT_FROZEN = _warning("input_frozen", "A sensor repeats what it said before: no sign of life.")
 INPUT_LATE = _warning("input_late", "A scan is too much older than the odometry: it is not used.")
 TRACKS_FORGOTTEN = _warning(
-    "tracks_forgotten", "The scans' time jumped: what is around has to be found again."
+    "tracks_forgotten", "The scans' time jumped: what is around is looked for, neutral thrust."
 )
 OUT_OF_ORDER = _warning("out_of_order", "A message older than the last one is dropped.")
 BAD_MESSAGE = _warning("bad_message", "Bytes that are not the message they should be: dropped.")

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.rover import RoverSettings
@@ -18,6 +19,8 @@ from twinscrew.runtime.app.mission import Mission, MissionSettings
 from twinscrew.runtime.app.pipeline import Pipeline
 from twinscrew.runtime.geometry.frames import quaternion_from_euler
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.link.paddling import STOP
+from twinscrew.runtime.link.wire import Message, Wire
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import (
     Float64,
@@ -96,6 +99,15 @@ def make_pipeline(
     )
 
 
+def drives(message: Message) -> bool:
+    """Tell whether a message of the runtime's asks for thrust, or for MANUAL."""
+    if message.get_type() == "RC_CHANNELS_OVERRIDE":
+        return (message.chan1_raw, message.chan3_raw) != STOP
+    return bool(
+        message.get_type() == "COMMAND_LONG" and message.command == mavlink.MAV_CMD_DO_SET_MODE
+    )
+
+
 class Boat:
     """A controller and a simulated autopilot, joined by bytes, 20 times a second.
 
@@ -123,7 +135,31 @@ class Boat:
         self.wire = True
         self.events: list[tuple[float, HealthEvent]] = []
         self.thrusts: list[tuple[float, Float64]] = []
+        self._reader = Wire(9, 9)
+        self.driven: list[float] = []
+        """[s] When bytes were sent that ask for anything but stop, or for MANUAL."""
         self._ticks = 0
+
+    def freeze(self, seconds: float, sensors_live_s: float) -> None:
+        """Stop the runtime, as SIGSTOP does, and let everything else go on.
+
+        Sensors speak into its sockets for a while, and the autopilot all the time; all of that is
+        read at once when it wakes.
+        """
+        waiting: list[tuple[str, bytes]] = []
+        said = b""
+        begun_s, take_in = self.now_s, self._arrived
+        self._arrived = lambda topic, payload: waiting.append((topic, payload))
+        while self.now_s < begun_s + seconds - 1e-9:
+            self._advance()
+            if self.now_s <= begun_s + sensors_live_s + 1e-9:
+                self._sense()
+            said += self.autopilot.step(self.now_s, odometry(self.now_s, *self.place))
+        self._arrived = take_in
+        for topic, payload in waiting[-4:]:  # the inbox keeps the newest
+            self.take_in(topic, payload)
+        self.controller.from_autopilot(said, self.now_s)
+        self._supervise()
 
     def sail(self, seconds: float) -> Boat:
         """Let time pass."""
@@ -162,14 +198,20 @@ class Boat:
         return stops[0] - since_s
 
     def _tick(self) -> None:
-        self._ticks += 1
-        self.now_s = round(self._ticks * TICK_S, 6)
+        self._advance()
         self._sense()
         if self.wire:
             answer = self.autopilot.step(self.now_s, odometry(self.now_s, *self.place))
             self.controller.from_autopilot(answer, self.now_s)
         else:
             self.autopilot.step(self.now_s)
+        self._supervise()
+
+    def _advance(self) -> None:
+        self._ticks += 1
+        self.now_s = round(self._ticks * TICK_S, 6)
+
+    def _supervise(self) -> None:
         engagement, events = self.controller.supervise(self.now_s)
         if engagement is not None:
             self.take_in("engagement", engagement)
@@ -181,12 +223,17 @@ class Boat:
         time_s = self.now_s + self.clock_offset_s
         payload = cdr.encode_odometry(odometry(time_s, *self.place))
         for arrived in self.line("odometry", payload):
-            self.take_in("odometry", arrived)
+            self._arrived("odometry", arrived)
         if self._ticks % 2 == 0:
             for arrived in self.line("points", cdr.encode_point_cloud(cloud(time_s))):
-                self.take_in("points", arrived)
+                self._arrived("points", arrived)
+
+    def _arrived(self, topic: str, payload: bytes) -> None:
+        self.take_in(topic, payload)
 
     def _send(self, command: bytes) -> None:
+        if any(drives(message) for message in self._reader.decode(command)):
+            self.driven.append(self.now_s)
         if self.wire:
             self.autopilot.receive(command, self.now_s)
 

@@ -88,19 +88,34 @@ def test_a_clock_set_back_forgets_everything_and_goes_on_from_there(first: str) 
     )
     assert dock.policy.resets == 1
     assert dock.core.latest_ns == stamp(50.0)
-    again = dock.sail(50.1, 50.3)
+    again = dock.sail(50.1, 51.3)
     assert names(*again) == []
-    assert thrusts(again)[0] == [50.0, 50.0]
+    assert not np.any(thrusts(again)[:10])
+    assert thrusts(again)[10] == [50.0, 50.0]
 
 
-def test_one_stamp_from_the_far_future_costs_no_more_than_that_moment() -> None:
+def test_one_stamp_from_the_far_future_costs_no_more_than_a_second() -> None:
     dock = Dock()
     dock.sail(0.0, 1.0)
     dock.odometry(1e6)
     dock.scan(1e6)
     assert names(dock.odometry(1.1)) == ["clock_back"]
     assert dock.scan(1.1).decision is not None
-    assert names(*dock.sail(1.2, 1.4)) == []
+    again = dock.sail(1.2, 2.1)
+    assert names(*again) == []
+    assert np.any(thrusts(again)[-1])
+
+
+def test_scans_of_which_every_second_is_stamped_ten_seconds_old_keep_the_boat_still() -> None:
+    dock = Dock()
+    assert np.any(thrusts(dock.sail(0.0, 2.0))[-1])
+    for k in range(21, 60):
+        dock.odometry(k / 10)
+        outcome = dock.scan(k / 10 - (10.0 if k % 2 else 0.0))
+        if k % 2:
+            assert "clock_back" in names(outcome)
+        assert outcome.decision is None or not np.any(outcome.decision.thrust)
+        assert dock.core.is_settling
 
 
 def test_after_a_jump_the_boat_stands_still_for_a_second() -> None:
@@ -109,8 +124,8 @@ def test_after_a_jump_the_boat_stands_still_for_a_second() -> None:
     assert names(dock.odometry(2.1, north=40.0)) == ["odometry_jump"]
     outcomes = dock.sail(2.2, 3.4, north=40.0)
     moving = [bool(np.any(thrust)) for thrust in thrusts(outcomes)]
-    assert moving == [False] * 9 + [True] * 4  # from 3.1 s on
-    assert thrusts(outcomes)[9] == [50.0, 50.0]
+    assert moving == [False] * 10 + [True] * 3  # a second after the first scan, at 2.2 s
+    assert thrusts(outcomes)[10] == [50.0, 50.0]
 
 
 def test_a_position_that_jumps_to_and_fro_keeps_the_boat_still() -> None:
@@ -175,7 +190,7 @@ def test_a_cloud_of_a_million_points_is_worked_on() -> None:
     assert dock.core.pipeline.perception.report.points == 1_000_000
 
 
-def test_a_fault_of_the_policys_code_is_an_event_and_the_next_scan_asks_again() -> None:
+def test_a_fault_of_the_policys_code_is_an_event_and_a_second_later_it_is_asked_again() -> None:
     dock = Dock()
     dock.sail(0.0, 1.0)
     dock.policy.failure = ZeroDivisionError("of ours")
@@ -184,7 +199,8 @@ def test_a_fault_of_the_policys_code_is_an_event_and_the_next_scan_asks_again() 
     assert failed.events[0].detail == "points: ZeroDivisionError: of ours"
     assert dock.policy.resets == 1
     dock.policy.failure = None
-    assert thrusts(dock.sail(1.6, 1.6)) == [[50.0, 50.0]]
+    assert thrusts(dock.sail(1.6, 2.5)) == [[0.0, 0.0]] * 10
+    assert thrusts(dock.sail(2.6, 2.6)) == [[50.0, 50.0]]
 
 
 def test_a_topic_that_is_not_the_cores_is_an_event_too() -> None:

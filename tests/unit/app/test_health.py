@@ -10,6 +10,7 @@ WELL = {
     "inputs_fresh": True,
     "may_drive": True,
     "fault": False,
+    "knows_surroundings": True,
     "has_goal": True,
     "warned": False,
 }
@@ -24,6 +25,7 @@ WELL = {
         ({"may_drive": False}, State.READY),
         ({"inputs_fresh": False}, State.SAFE),
         ({"fault": True}, State.SAFE),
+        ({"knows_surroundings": False}, State.SAFE),
         ({"fault": True, "may_drive": False}, State.SAFE),
         ({"inputs_heard": False, "inputs_fresh": False}, State.STANDBY),
     ],
@@ -52,12 +54,13 @@ def test_a_warning_degrades_for_a_second_and_an_error_is_not_a_warning() -> None
 def test_standby_is_left_for_good_and_any_other_state_may_follow_any_other() -> None:
     flags = (True, False)
     reached: set[State] = set()
-    for fresh, drive, fault, goal, warned in itertools.product(flags, repeat=5):
+    for fresh, drive, fault, knows, goal, warned in itertools.product(flags, repeat=6):
         facts = Facts(
             inputs_heard=True,
             inputs_fresh=fresh,
             may_drive=drive,
             fault=fault,
+            knows_surroundings=knows,
             has_goal=goal,
             warned=warned,
         )

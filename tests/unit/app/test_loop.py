@@ -1,12 +1,14 @@
 """The real-time loop, by a clock that the test turns."""
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 import pytest
-from tests.harness.boat import Boat, cloud, odometry
+from tests.harness.boat import Boat, cloud, odometry, stamp
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
+from twinscrew.hil_sim.autopilot.rover import Mode
 from twinscrew.runtime.app.loop import Loop
 from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.bus.base import Received
@@ -14,6 +16,9 @@ from twinscrew.runtime.bus.memory import MemoryBus
 from twinscrew.runtime.errors import LinkError
 from twinscrew.runtime.link.carrier import Transport
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.header import write_header
+from twinscrew.runtime.messages.wire import Writer
+from twinscrew.runtime.safety.events import GREATEST_DETAIL
 
 SCAN_S = 0.1
 
@@ -31,6 +36,8 @@ class Line(Transport):
 
     def __init__(self, clock: Clock) -> None:
         self.clock, self.broken, self.sends = clock, False, []
+        self.turning: list[float] = []
+        """[s] When the propellers turned."""
         self.autopilot = RoverAutopilot(RoverAutopilotSettings(), 1, boot_s=clock.now_s)
 
     def fileno(self) -> int:
@@ -39,13 +46,19 @@ class Line(Transport):
     def receive(self) -> bytes:
         if self.broken:
             raise LinkError("the device is gone")
-        return self.autopilot.step(self.clock.now_s)
+        return self.step()
 
     def send(self, data: bytes) -> None:
         if self.broken:
             raise LinkError("the device is gone")
         self.sends.append(self.clock.now_s)
         self.autopilot.receive(data, self.clock.now_s)
+
+    def step(self) -> bytes:
+        said = self.autopilot.step(self.clock.now_s)
+        if self.autopilot.thrust_command_N().any():
+            self.turning.append(self.clock.now_s)
+        return said
 
     def close(self) -> None:
         pass
@@ -56,6 +69,7 @@ class Sensors:
 
     def __init__(self, clock: Clock) -> None:
         self.clock, self.next_s, self.age_ms, self.hold_s = clock, clock.now_s, 0.0, 0.0
+        self.also: bytes | None = None
 
     def wait(self, timeout_s: float) -> list[Received]:
         until_s = self.clock.now_s + max(0.0, timeout_s)
@@ -65,10 +79,26 @@ class Sensors:
         self.clock.now_s = max(self.clock.now_s, self.next_s) + self.hold_s
         time_s, self.next_s = self.next_s, self.next_s + SCAN_S
         received_ns = time.monotonic_ns() - round(self.age_ms * 1e6)
+        extra = [] if self.also is None else [Received("points", self.also, received_ns)]
         return [
+            *extra,
             Received("odometry", cdr.encode_odometry(odometry(time_s)), received_ns),
             Received("points", cdr.encode_point_cloud(cloud(time_s)), received_ns, 1),
         ]
+
+
+def cloud_with_one_field(name: str) -> bytes:
+    """A PointCloud2 of one point without x, y and z."""
+    writer = Writer()
+    write_header(writer, stamp(0.0), "lidar")
+    writer.values("2I", 4, 1, 1)
+    writer.values("I", 4, 1)
+    writer.string(name)
+    writer.values("IB3xI", 4, 0, 7, 1)
+    writer.values("?3x2I", 4, False, 4, 4)
+    writer.octets(bytes(4))
+    writer.values("?", 1, True)
+    return writer.payload()
 
 
 class Rig:
@@ -76,6 +106,7 @@ class Rig:
         self.clock = Clock()
         self.line, self.sensors = Line(self.clock), Sensors(self.clock)
         self.bus, self.events, self.thrusts = MemoryBus("wamv"), [], []
+        self.later: list[tuple[float, Callable[[], object]]] = []
         self.bus.subscribe("diagnostics", self._hear)
         self.bus.subscribe("thrust_left", lambda m: self.thrusts.append(m.payload))
         self.outlet = Outlet(self.bus, None)
@@ -83,10 +114,23 @@ class Rig:
             Boat().controller, self.sensors, self.line, self.outlet, rate_hz=20.0, clock=self.clock
         )
 
+    def at(self, seconds: float, do: Callable[[], object]) -> None:
+        """Do something so much later, in the middle of a run."""
+        self.later.append((self.clock.now_s + seconds, do))
+
     def run(self, seconds: float) -> "Rig":
         until_s = self.clock.now_s + seconds
-        self.loop.run(lambda: self.clock.now_s >= until_s)
+        self.loop.run(lambda: self._over(until_s))
         return self
+
+    def _over(self, until_s: float) -> bool:
+        while self.later and self.clock.now_s >= self.later[0][0]:
+            self.later.pop(0)[1]()
+        return self.clock.now_s >= until_s
+
+    def turned(self, since_s: float) -> bool:
+        """Tell whether the propellers have turned since a time."""
+        return any(at_s >= since_s for at_s in self.line.turning)
 
     @property
     def names(self) -> list[str]:
@@ -187,6 +231,133 @@ def test_messages_that_the_bus_threw_away_are_told_once_and_degrade(
     told = [event.detail for event in rig.events if event.name == "messages_missing"]
     assert told == ["3 points too large"]
     assert "active -> degraded" in [e.detail for e in rig.events if e.name == "state"]
+
+
+STAGES = {
+    "perception": "controller.core.pipeline.perception.step",
+    "tracker": "controller.core.pipeline.tracker.step",
+    "mission": "controller.core.pipeline.mission.step",
+    "policy": "controller.core.pipeline.policy.act",
+    "assurance": "controller.core.pipeline.assurance.step",
+    "the core's guard": "controller.core.pipeline.guard.check",
+    "core": "controller.core.feed",
+    "watchdog": "controller._watchdog.check",
+    "ages": "controller._watchdog.too_old",
+    "the last guard": "controller._guard.check",
+    "health": "controller.health.step",
+    "taking in": "controller.take_in",
+    "noting": "controller.note",
+    "supervision": "controller.supervise",
+    "command": "controller.command",
+    "the autopilot's words": "controller.from_autopilot",
+    "the link's events": "controller.link.events",
+    "the link's command": "controller.link.command",
+    "the link's requests": "controller.link.tick",
+    "the line's bytes": "controller.link.receive",
+    "frames": "controller.link.wire.encode",
+    "ground desk": "loop._desk.serve",
+    "ground report": "loop._desk.report.due",
+    "announcements": "loop._desk.report.happened",
+    "service manager": "loop._manager.alive",
+    "inbox": "loop._inbox.wait",
+    "line in": "line.receive",
+    "line out": "line.send",
+    "recording": "outlet.record",
+    "decision": "outlet.decided",
+    "health events": "outlet.happened",
+    "state": "outlet.state",
+    "thrust": "outlet.thrust",
+    "recorder": "outlet.recorder_trouble",
+    "bus": "bus.publish",
+}
+ENCODERS = (
+    "encode_decision",
+    "encode_diagnostics",
+    "encode_engagement",
+    "encode_object_markers",
+    "encode_thrust",
+    "encode_track_markers",
+)
+MUTE = ("health events", "bus", "encode_diagnostics")
+"""What the operator hears by: while it raises he hears it on the other way only."""
+
+
+def broken(rig: "Rig", monkeypatch: pytest.MonkeyPatch, where: str) -> list[float]:
+    """Let one part raise whenever it is called; gives when it did."""
+    raised: list[float] = []
+
+    def fail(*_: object, **__: object) -> None:
+        raised.append(rig.clock.now_s)
+        rig.clock.now_s += 1e-3  # time passes while something fails
+        raise RuntimeError("unforeseen")
+
+    if where in ENCODERS:
+        monkeypatch.setattr(cdr, where, fail)
+        return raised
+    roots = {"loop": rig.loop, "controller": rig.loop._controller, "line": rig.line}
+    roots |= {"outlet": rig.outlet, "bus": rig.bus}
+    root, *way, name = STAGES[where].split(".")
+    part = roots[root]
+    for step in way:
+        part = getattr(part, step)
+    monkeypatch.setattr(type(part), name, fail)
+    return raised
+
+
+@pytest.mark.parametrize("where", [*STAGES, *ENCODERS])
+def test_whatever_raises_stops_the_propellers_is_named_and_does_not_end_the_loop(
+    where: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = Rig().run(5.0)
+    assert rig.turned(rig.clock.now_s - 0.2)
+    with monkeypatch.context() as patched:
+        raised = broken(rig, patched, where)
+        rig.at(0.3, lambda: rig.line.autopilot.rover.set_mode(Mode.HOLD))
+        rig.at(0.5, lambda: rig.line.autopilot.rover.set_mode(Mode.MANUAL))
+        rig.run(3.0)
+        assert raised
+        assert not rig.turned(raised[0] + 0.7)
+        assert raised[-1] > rig.clock.now_s - 1.3  # it goes on
+        told = {event.name for event in rig.events}
+    assert told & {"internal_error", "lidar_stale"} or where in MUTE
+    rig.run(8.0)
+    assert rig.turned(rig.clock.now_s - 0.2)
+
+
+def test_what_raises_once_costs_a_second_of_thrust(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig().run(5.0)
+    with monkeypatch.context() as patched:
+        raised = broken(rig, patched, "decision")
+        rig.run(0.12)
+    assert len(raised) in (1, 2)
+    events = [event for event in rig.events if event.name == "internal_error"]
+    assert events[0].detail == "compute: RuntimeError: unforeseen"
+    mended_s = rig.clock.now_s
+    rig.run(3.0)
+    first_s = next(at_s for at_s in rig.line.turning if at_s > mended_s)
+    assert first_s - raised[-1] == pytest.approx(1.1, abs=0.15)
+
+
+def test_the_end_of_a_run_leaves_the_propellers_at_rest_though_the_last_words_raise(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rig = Rig().run(5.0)
+    broken(rig, monkeypatch, "the link's requests")
+    rig.run(0.0)
+    rig.clock.now_s += 0.05
+    rig.line.step()
+    assert not rig.turned(rig.clock.now_s)
+
+
+def test_a_cloud_without_x_and_with_a_long_name_of_a_field_is_an_event_that_fits_the_line() -> None:
+    rig = Rig().run(5.0)
+    rig.sensors.also = cloud_with_one_field("n" * 13_000)
+    rig.run(2.0)
+    details = [event.detail for event in rig.events if event.name == "bad_message"]
+    assert details
+    assert all(len(detail) <= GREATEST_DETAIL for detail in details)
+    assert "internal_error" not in rig.names
+    assert "message_unsent" not in rig.names
 
 
 def test_the_garbage_collector_is_left_as_it_was() -> None:

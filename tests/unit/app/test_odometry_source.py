@@ -168,6 +168,23 @@ def test_an_autopilot_that_falls_silent_is_stale_odometry() -> None:
     assert not boat.controller.engaged
 
 
+def test_scans_of_the_last_second_that_a_stamp_can_say_stop_the_boat_and_not_the_run() -> None:
+    end_ns = 2**31 * SECOND
+    boat = Sailing(end_ns - 5 * SECOND).sail(4.9)
+    assert boat.controller.engaged
+    events = []
+    for k in range(40):
+        now_s = 5.0 + k * 0.05
+        scan = cdr.encode_point_cloud(cloud((end_ns - SECOND + k - EPOCH_NS) / SECOND))
+        boat.controller.take_in("points", scan, now_s)
+        boat.controller.from_autopilot(boat.pilot.step(now_s, odometry_at(now_s)), now_s)
+        for payload in boat.controller.own_odometry():
+            boat.controller.take_in("odometry", payload, now_s)
+        events += boat.controller.supervise(now_s)[1]
+    assert any(e.name == "bad_message" and "is not a stamp" in e.detail for e in events)
+    assert not boat.controller.engaged
+
+
 def test_from_the_bus_nothing_of_the_autopilots_is_fed() -> None:
     controller = make_controller(RuntimeConfig(policy="apf"))
     assert not controller.has_own_odometry

@@ -146,7 +146,38 @@ def test_a_reset_forgets_tracks_thrust_and_the_policys_memory() -> None:
     sail(pipeline, 0.0, 2.0)
     pipeline.reset()
     assert policy.resets == 1
-    assert thrusts(sail(pipeline, 2.1, 2.1)) == [[50.0, 50.0]]
+    assert thrusts(sail(pipeline, 2.1, 3.0)) == [[0.0, 0.0]] * 10
+    assert thrusts(sail(pipeline, 3.1, 3.1)) == [[50.0, 50.0]]
+
+
+def test_after_longer_blindness_than_tracks_are_kept_the_boat_stands_still_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pipeline = make_pipeline(Steady())
+    sail(pipeline, 0.0, 0.9)
+
+    def fail(*args: object, **kwargs: object) -> None:
+        raise MessageError("the kernel cannot use it")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(pipeline.perception, "step", fail)
+        sail(pipeline, 1.0, 3.5)
+    assert not np.any(thrusts(sail(pipeline, 3.6, 4.5)))
+    assert np.any(thrusts(sail(pipeline, 4.6, 4.6)))
+
+
+def test_after_a_gap_in_which_everything_was_forgotten_the_boat_stands_still_first() -> None:
+    pipeline = make_pipeline(Steady())
+    sail(pipeline, 0.0, 2.0)
+    assert not np.any(thrusts(sail(pipeline, 12.0, 12.9)))
+    assert np.any(thrusts(sail(pipeline, 13.0, 13.1)))
+
+
+def test_a_slow_lidar_is_watched_for_as_many_scans_as_a_track_needs() -> None:
+    pipeline = make_pipeline(Steady())
+    pipeline.reset()
+    at = [pipeline.step(cloud(t), odometry(t), engaged=True) for t in np.arange(0.0, 3.0, 0.5)]
+    assert [bool(np.any(decision.thrust)) for decision in at] == [False] * 4 + [True] * 2
 
 
 def test_the_same_scans_give_the_same_decisions() -> None:

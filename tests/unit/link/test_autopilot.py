@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.link import commands
 from twinscrew.runtime.link.authority import AskManual
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.link.signing import Signing
@@ -314,6 +315,34 @@ def test_long_texts_are_sent_in_numbered_chunks():
     assert [m.chunk_seq for m in chunks] == [0, 1, 2]
     assert len({m.id for m in chunks}) == 1
     assert chunks[0].id != 0
+
+
+def test_an_endless_text_is_cut_to_what_chunks_can_be_numbered():
+    boat = puppet()
+    boat.link.say("x" * 13_000)
+    chunks = [m for m in boat.hears() if m.get_type() == "STATUSTEXT"]
+    assert [m.chunk_seq for m in chunks] == list(range(commands.MOST_CHUNKS))
+    assert len(chunks[-1].text) < 50  # so a station knows that it is the last
+
+
+def test_a_message_that_cannot_be_written_is_left_out_and_named_and_the_rest_is_sent():
+    boat = armed()
+    boat.events()
+    boat.link.tell([mavlink.MAVLink_mission_item_reached_message(1 << 20)])
+    boat.link.say("after it")
+    assert [m.text for m in boat.hears() if m.get_type() == "STATUSTEXT"] == ["after it"]
+    (event,) = boat.link.events(boat.now_s)
+    assert event.name == "message_unsent"
+    assert event.detail.startswith("MISSION_ITEM_REACHED: ")
+
+
+def test_who_could_not_drive_asks_neither_for_manual_nor_for_arming():
+    boat = in_state(arm=True)
+    for _ in range(60):
+        boat.now_s += 0.05
+        sent = boat.link.tick(boat.now_s, may_ask=False) + boat.link.command(None, boat.now_s)
+        asked_for = {m.command for m in Wire(9, 9).decode(sent) if m.get_type() == "COMMAND_LONG"}
+        assert not asked_for & {ARM, mavlink.MAV_CMD_DO_SET_MODE}
 
 
 def test_a_condition_is_told_once_when_it_begins_and_once_when_it_is_over():

@@ -62,3 +62,25 @@ def test_numbers_differ_between_vessels_of_one_boat_and_of_several() -> None:
     numbers = {mmsi(system, track) for system in range(1, 256) for track in range(1000)}
     assert len(numbers) == 255 * 1000
     assert all(100_000_000 < number < 101_000_000 for number in numbers)
+
+
+@pytest.mark.parametrize(
+    ("place", "speed", "radius"),
+    [
+        ((4e7, 0.0), 2.0, 1.0),
+        ((0.0, -4e300), 2.0, 1.0),
+        ((np.inf, 0.0), 2.0, 1.0),
+        ((0.0, np.nan), 2.0, 1.0),
+        ((0.0, 0.0), np.inf, 1.0),
+        ((0.0, 0.0), 2.0, np.nan),
+    ],
+)
+def test_what_the_message_cannot_say_is_left_out(place, speed, radius) -> None:
+    known = (1, 5.0, 5.0, 2.0, 0.0, 1.0, 0.0)
+    assert len(told((7, *place, speed, 0.0, radius, 0.0), known)) == 1
+
+
+@pytest.mark.parametrize("radius", [0.0, 1e9])
+def test_any_place_on_earth_and_any_size_can_be_said(radius) -> None:
+    places = [(1, 1e6 * k, -2e6 * k, 1e6, 0.0, radius, 0.0) for k in range(1, 9)]
+    assert len(told(*places)) == len(places)

@@ -4,12 +4,14 @@ import re
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from twinscrew.runtime.app.health import State
 from twinscrew.runtime.estimation import events as estimation_events
 from twinscrew.runtime.link import events as link_events
 from twinscrew.runtime.safety import events
-from twinscrew.runtime.safety.events import EventKind
+from twinscrew.runtime.safety.events import GREATEST_DETAIL, LIDAR_STALE, EventKind
 
 ROOT = Path(__file__).parents[3]
 DOC = (ROOT / "docs" / "safety.md").read_text()
@@ -72,3 +74,16 @@ def test_events_in_running_text_are_events() -> None:
     words = set(re.findall(r"`([a-z]+_[a-z_]+)`", DOC))
     own = {name for _, name in named_tests()} | {"max_message_mb"}
     assert words - own <= set(kinds())
+
+
+@given(st.text(st.characters(codec=None)))
+def test_a_detail_is_cut_and_can_be_written_whatever_it_says(detail: str) -> None:
+    told = LIDAR_STALE.at(1, 50 * detail).detail
+    assert len(told) <= GREATEST_DETAIL
+    assert told == told.encode("utf-8").decode("utf-8")
+
+
+def test_a_short_detail_stays_as_it_is_and_a_cut_one_shows_it() -> None:
+    assert LIDAR_STALE.at(1, "0.45 s old").detail == "0.45 s old"
+    assert LIDAR_STALE.at(1, "x" * 1000).detail.endswith("x ...")
+    assert LIDAR_STALE.at(1, "a\udc80b").detail == "a?b"
