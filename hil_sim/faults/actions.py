@@ -91,7 +91,7 @@ def effect_of(
         case "freeze":
             return Freezing(last, stamps_move=given.stamps == "moving")
         case "clock_jump":
-            return Jumping(given.jump_s)
+            return Jumping(given)
         case "wrong_ids":
             return Impersonating(given)
         case "noise":

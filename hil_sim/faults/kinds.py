@@ -73,6 +73,8 @@ class ClockJump(Settings, frozen=True):
 
     jump_s: float
     """[s] By how much; negative is back."""
+    every: Count = 1
+    """[-] Every so-manieth message of a line bears the wrong time; 1: all."""
 
 
 class WrongIds(Settings, frozen=True):

@@ -50,6 +50,8 @@ class Promise(Settings, frozen=True):
     """What the boat does, in words."""
     neutral_s: Positive | None = None
     """[s] From the first fault's begin to propellers that stand still, and do until it ends."""
+    neutral_until: Literal["first", "last"] = "first"
+    """Which fault's end lets them turn again: the first's that is over, or the last's."""
     event: str | None = None
     """The health event that names it."""
     event_s: Positive = 1.0

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.random import Generator
 
 from twinscrew.hil_sim.faults.effects import Immediate
-from twinscrew.hil_sim.faults.kinds import Noise
+from twinscrew.hil_sim.faults.kinds import ClockJump, Noise
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Odometry, PointCloud
 
@@ -52,11 +52,15 @@ class Freezing(Immediate):
 class Jumping(Immediate):
     """The clock of the stamps is wrong."""
 
-    def __init__(self, jump_s: float) -> None:
-        self._jump_ns = round(jump_s * NANOSECONDS_PER_SECOND)
+    def __init__(self, settings: ClockJump) -> None:
+        self._jump_ns = round(settings.jump_s * NANOSECONDS_PER_SECOND)
+        self._every, self._count = settings.every, 0
 
     def put(self, payload: bytes, now_s: float) -> list[bytes]:  # noqa: ARG002
         """See `Effect`."""
+        self._count += 1
+        if self._count % self._every:
+            return [payload]
         return [with_stamp(payload, stamp_of(payload) + self._jump_ns)]
 
 

@@ -85,8 +85,9 @@ def judge(
         first_end_s = min(acts_s)
     elif first_end_s - begin_s < APART_S:  # a pilot's act, and nobody takes it back
         first_end_s = now_s
+    still_until_s = end_s if promise.neutral_until == "last" else first_end_s
     rows = [
-        *_neutral(promise, witness, begin_s, first_end_s),
+        *_neutral(promise, witness, begin_s, still_until_s),
         *_event(promise, witness, begin_s, first_end_s),
         *_state(promise, witness, begin_s, first_end_s),
         *_moves_again(promise, witness, end_s),

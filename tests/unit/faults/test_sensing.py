@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from tests.harness.boat import cloud, odometry, stamp
 
-from twinscrew.hil_sim.faults.kinds import Noise
+from twinscrew.hil_sim.faults.kinds import ClockJump, Noise
 from twinscrew.hil_sim.faults.sensing import (
     Freezing,
     Jumping,
@@ -40,9 +40,15 @@ def test_a_frozen_sensor_repeats_itself_with_or_without_new_stamps() -> None:
 
 
 def test_a_clock_jumps_by_what_was_said() -> None:
-    (late,) = Jumping(-10.0).put(scan(3.0), 0.0)
+    (late,) = Jumping(ClockJump(jump_s=-10.0)).put(scan(3.0), 0.0)
     assert stamp_of(late) == stamp(-7.0)
     assert np.array_equal(cdr.decode_point_cloud(late).points_S, cloud(3.0, POINTS).points_S)
+
+
+def test_a_clock_may_jump_to_and_fro() -> None:
+    line = Jumping(ClockJump(jump_s=-10.0, every=2))
+    stamps = [stamp_of(line.put(scan(k), 0.0)[0]) for k in range(20, 24)]
+    assert stamps == [stamp(20), stamp(11), stamp(22), stamp(13)]
 
 
 def test_spray_moves_echoes_along_their_rays() -> None:

@@ -152,3 +152,12 @@ def test_nothing_promised_is_nothing_broken_but_by_an_exception() -> None:
     found = verdict()
     assert [row.what for row in found.rows] == ["unhandled exceptions"]
     assert np.all([row.kept for row in found.rows])
+
+
+def test_propellers_may_have_to_rest_until_the_last_fault_is_over() -> None:
+    longer = Fault(at_s=5.2, for_s=3.0, kind="drop", target="odometry")
+    made = [*MADE, Made(0, longer, BEGIN_S + 0.2, END_S + 1.0)]
+    turns_between = ((0.0, True), (5.4, False), (END_S + 0.5, True), (END_S + 0.8, False))
+    assert verdict(turns_between, made=made, neutral_s=0.5).kept
+    assert not verdict(turns_between, made=made, neutral_s=0.5, neutral_until="last").kept
+    assert verdict(STOPS[:2], made=made, neutral_s=0.5, neutral_until="last").kept
