@@ -94,6 +94,8 @@ class AutopilotOnALine:
     def __init__(self, line: TcpServer | SerialAdapter, **settings: object) -> None:
         self.line = line
         self.autopilot = RoverAutopilot(RoverAutopilotSettings(**settings), 1)
+        self.heard: list[bytes] = []
+        """What the runtime has sent, as it came."""
         self._wishes: list[Callable[[], None]] = []
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, daemon=True)
@@ -121,4 +123,6 @@ class AutopilotOnALine:
                 self._wishes.pop(0)()
             now_s = time.monotonic() - begin_s
             with suppress(OSError):
-                self.autopilot.receive(self.line.exchange(self.autopilot.step(now_s)), now_s)
+                came = self.line.exchange(self.autopilot.step(now_s))
+                self.heard.append(came)
+                self.autopilot.receive(came, now_s)

@@ -3,19 +3,24 @@
 Real sockets, real pseudo-terminals, real time; every wait lasts as long as it needs.
 """
 
+import signal
+import subprocess
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from tests.harness.boat import cloud, odometry
+from tests.harness.boat import cloud, drives, odometry
 from tests.harness.commands import start
 from tests.harness.cut_line import AutopilotOnALine, SerialAdapter, TcpServer
 from tests.harness.waiting import wait_until
 
+from twinscrew.hil_sim.autopilot.rover import Mode
 from twinscrew.hil_sim.drivers.processes import free_port
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.link.wire import Wire
 from twinscrew.runtime.messages import cdr
 
 pytestmark = pytest.mark.slow
@@ -36,6 +41,8 @@ class Sensors:
         self._ticks = 0
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
+        self.runtime: subprocess.Popen[bytes] | None = None
+        """Who listens."""
 
     def put_in(self) -> None:
         self._bus = ZenohBus(ZenohSettings(listen=(self._endpoint,), connect=()), "wamv")
@@ -46,11 +53,16 @@ class Sensors:
         self._thread.start()
 
     def pull(self) -> None:
+        if self._thread is not None:
+            self.die()
+            self._thread = None
+            self._bus.close()
+
+    def die(self) -> None:
+        """Fall silent; what was sent is still on its way."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()
-            self._thread = None
-            self._bus.close()
 
     def _hear(self, message: object) -> None:
         self.events += [event.name for event in cdr.decode_diagnostics(message.payload)]
@@ -86,6 +98,7 @@ def sensors(boat: AutopilotOnALine, tmp_path: Path) -> Iterator[Sensors]:
     sensors, log = Sensors(endpoint), tmp_path / "log.txt"
     sensors.put_in()
     runtime = start("run", "--config", config, log=log)
+    sensors.runtime = runtime
     try:
         wait_until(lambda: boat.moves)
         yield sensors
@@ -123,4 +136,28 @@ def test_sensors_that_start_again_are_found_again(boat: AutopilotOnALine, sensor
         sensors.events.clear()
         sensors.put_in()
         wait_until(lambda: "input_recovered" in sensors.events)
+        wait_until(lambda: boat.moves)
+
+
+@pytest.mark.parametrize("boat", ["tcp"], indirect=True)
+def test_a_runtime_that_wakes_to_dead_sensors_drives_nothing_and_asks_for_nothing(
+    boat: AutopilotOnALine, sensors: Sensors
+) -> None:
+    """What the sensors sent in their last fifth of a second waits in a socket until it wakes."""
+    for _ in range(2):
+        sensors.runtime.send_signal(signal.SIGSTOP)
+        time.sleep(0.2)
+        sensors.die()
+        wait_until(lambda: boat.autopilot.rover.mode is Mode.HOLD)  # its failsafe
+        boat.within(boat.heard.clear)
+        sensors.events.clear()
+        sensors.runtime.send_signal(signal.SIGCONT)
+        wait_until(lambda: "lidar_stale" in sensors.events)
+        time.sleep(2.0)
+        boat.within(lambda: None)
+        sent = Wire(9, 9).decode(b"".join(boat.heard))
+        assert any(message.get_type() == "HEARTBEAT" for message in sent)
+        assert not [message for message in sent if drives(message)]
+        sensors.pull()
+        sensors.put_in()
         wait_until(lambda: boat.moves)
