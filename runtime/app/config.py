@@ -57,8 +57,9 @@ class RuntimeConfig(Settings, frozen=True):
     odometry_source: Literal["bus", "autopilot", "gps_imu"] = "bus"
     """Where odometry comes from: the `odometry` topic, the autopilot's own estimate, or a filter
     here of the `gps` and `imu` topics."""
-    command_rate_hz: Annotated[float, Meta(gt=0.0, le=1000.0)] = 20.0
-    """[Hz] The thrust is re-sent this often (parameters.md: 20 Hz)."""
+    command_rate_hz: Annotated[float, Meta(ge=20.0, le=1000.0)] = 20.0
+    """[Hz] The thrust is re-sent, and the inputs' ages looked at, this often (parameters.md:
+    20 Hz). Less often, neutral would not come within half a second of an input's loss."""
     thrust: ThrustLimits = ThrustLimits()
     mission: MissionSettings = MissionSettings()
     perception: PerceptionSettings = PerceptionSettings()

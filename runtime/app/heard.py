@@ -32,6 +32,7 @@ class Heard(NamedTuple):
     """One message as it came."""
 
     payload: bytes
+    """Empty for one that is not the newest, but of odometry (`traffic.keep`)."""
     came_s: float
     """[s] Monotonic clock."""
     age_s: float | None

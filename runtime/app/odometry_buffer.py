@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections import deque
 from enum import Enum, auto
+from typing import Annotated
+
+from msgspec import Meta
 
 from twinscrew.runtime.geometry.frames import (
     interpolate_quaternion,
@@ -21,8 +24,9 @@ class OdometryBufferSettings(Settings, frozen=True):
 
     max_extrapolation_s: Positive = 0.2
     """[s] A scan newer than the last odometry by more than this is not used."""
-    max_lag_s: Positive = 0.4
-    """[s] Nor is one older than it by more than this: the greatest age of a scan (topics.py)."""
+    max_lag_s: Annotated[float, Meta(gt=0.0, le=0.4)] = 0.4
+    """[s] Nor is one older than it by more than this: at most the greatest age of a scan
+    (topics.py), or scans that come late would be signs of life."""
     max_speed_mps: Positive = 10.0
     """[m/s] A position that moves faster than this (and a metre of slack) has jumped."""
     clock_back_s: Positive = 1.0
@@ -30,7 +34,11 @@ class OdometryBufferSettings(Settings, frozen=True):
 
 
 JUMP_SLACK_M = 1.0
-HISTORY = 64
+HISTORY_S = 3.0
+"""[s] Odometry is kept for so long, whatever its rate: much longer than any scan that is used is
+late."""
+MOST_SAMPLES = 8192
+"""[-] But no more than this: more than two thousand a second are not needed to interpolate."""
 
 
 class Arrival(Enum):
@@ -47,7 +55,7 @@ class OdometryBuffer:
 
     def __init__(self, settings: OdometryBufferSettings | None = None) -> None:
         self._settings = settings or OdometryBufferSettings()
-        self._samples: deque[Odometry] = deque(maxlen=HISTORY)
+        self._samples: deque[Odometry] = deque(maxlen=MOST_SAMPLES)
 
     @property
     def newest(self) -> Odometry | None:
@@ -75,6 +83,8 @@ class OdometryBuffer:
             self._restart(odometry)
             return Arrival.JUMP
         self._samples.append(odometry)
+        while seconds_between(self._samples[0].stamp_ns, odometry.stamp_ns) > HISTORY_S:
+            self._samples.popleft()
         return Arrival.NEW
 
     def at(self, stamp_ns: int) -> Odometry | None:

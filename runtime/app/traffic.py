@@ -26,6 +26,9 @@ from twinscrew.runtime.messages.header import read_stamp
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.wire import Reader
 
+ODOMETRY_BYTES = 4096
+"""[B] More of an odometry message is not kept: whole ones have some 700."""
+
 
 def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False) -> list[Finding]:
     """Listen for a while, and say what came; the boat is neither armed nor commanded.
@@ -39,7 +42,7 @@ def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False)
     """
     inbox = Inbox()
     bus = ZenohBus(config.bus, config.name)
-    heard: dict[str, list[Heard]] = defaultdict(list)
+    heard: dict[str, list[Heard]] = defaultdict(list)  # see `keep`
     transport = open_transport(config.autopilot.connection)
     own = config.odometry_source == "autopilot"
     link = AutopilotLink(
@@ -57,7 +60,7 @@ def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False)
         until_s = time.monotonic() + seconds
         while (now_s := time.monotonic()) < until_s:
             for message in inbox.wait(0.05):
-                heard[message.topic].append(_heard(message, time.monotonic()))
+                keep(heard[message.topic], message.topic, _heard(message, time.monotonic()))
                 _estimate(estimate, message, heard)
             link.receive(transport.receive(), now_s)
             for odometry in link.take_odometry() if own else ():
@@ -69,6 +72,20 @@ def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False)
     rated = topics if "odometry" in topics else (*topics, "odometry")
     findings = [judge_rate(topic, heard[topic], seconds) for topic in rated]
     return [*findings, *judge_content(heard, config), *judge_autopilot(link)]
+
+
+def keep(heard: list[Heard], topic: str, new: Heard) -> None:
+    """Add a message to those of its topic, of which only what will be looked at is kept.
+
+    That is when each one came, the newest one's bytes, and those of all odometry, whose motion is
+    judged.
+    """
+    if topic == "odometry":
+        heard.append(new._replace(payload=new.payload[:ODOMETRY_BYTES]))
+        return
+    if heard:
+        heard[-1] = heard[-1]._replace(payload=b"")
+    heard.append(new)
 
 
 def _estimate(

@@ -18,6 +18,9 @@ GID_SIZE: Final = 16
 MAX_PUBLISHERS: Final = 256
 """[-] More identities than this on a topic are not followed: memory stays bounded."""
 
+MOST_LOST: Final = 10_000
+"""[-] A number farther ahead than this is no gap but another count: 17 minutes of scans."""
+
 
 def attachment(sequence: int, source_ns: int, gid: bytes) -> bytes:
     """Give the attachment of a sample: its number from 1, wall clock [ns], who sends."""
@@ -47,7 +50,7 @@ class SequenceGaps:
         last = self._last.get((topic, gid))
         if last is None and len(self._last) >= MAX_PUBLISHERS:
             return
-        if last is not None and sequence > last + 1:
+        if last is not None and last + 1 < sequence <= last + MOST_LOST:
             self._lost[topic] += sequence - last - 1
         self._last[topic, gid] = sequence
 

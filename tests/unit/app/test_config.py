@@ -81,6 +81,8 @@ def test_a_file_says_only_what_differs(tmp_path: Path) -> None:
         ("[autopilot]\nsystem_id = 300", ["autopilot.system_id", "300", "255"]),
         ('[autopilot]\ncontrol = "radio"', ["autopilot.control", "radio"]),
         ('command_rate_hz = "fast"', ["command_rate_hz", "fast", "float"]),
+        ("command_rate_hz = 0.01", ["command_rate_hz", ">= 20", "got 0.01"]),
+        ("[odometry]\nmax_lag_s = 1.0", ["odometry.max_lag_s", "<= 0.4", "got 1.0"]),
         ("command_rate_hz = 1e6", ["command_rate_hz", "<= 1000", "got 1000000.0"]),
         ("[thrust]\nmax_n = 2000", ["thrust.max_n", "[0, 1000] N"]),
         ("[thrust]\nmin_n = -900", ["thrust.min_n", "[-500, 0] N"]),

@@ -142,6 +142,16 @@ def test_a_boat_that_moves_as_boats_do_does_not_jump() -> None:
     assert names(*told) == []
 
 
+def test_odometry_a_thousand_times_a_second_fits_scans_that_come_late() -> None:
+    dock = Dock()
+    for k in range(3000):
+        dock.odometry(k / 1000)
+        if k >= 200 and k % 100 == 0:
+            outcome = dock.scan((k - 150) / 1000)
+            assert outcome.decision is not None
+    assert np.any(outcome.decision.thrust)
+
+
 def test_a_goal_is_taken_and_told() -> None:
     dock = Dock(waypoints_m=())
     goal = Goal(stamp_ns=stamp(0), position_N=np.array([30.0, -4.0]))

@@ -3,7 +3,12 @@ import math
 import numpy as np
 import pytest
 
-from twinscrew.runtime.app.odometry_buffer import Arrival, OdometryBuffer
+from twinscrew.runtime.app.odometry_buffer import (
+    HISTORY_S,
+    MOST_SAMPLES,
+    Arrival,
+    OdometryBuffer,
+)
 from twinscrew.runtime.geometry.frames import euler_from_quaternion, quaternion_from_euler
 from twinscrew.runtime.messages.types import Odometry
 
@@ -77,3 +82,15 @@ def test_after_a_jump_only_the_new_place_counts() -> None:
     there = buffer.at(round(1.06 * SECOND))
     assert there is not None
     assert there.position_N[0] == pytest.approx(50.0)
+
+
+def test_odometry_is_kept_for_seconds_at_any_rate_and_a_flood_does_not_fill_the_memory() -> None:
+    for rate_hz in (20, 1000):
+        buffer = filled(*(sample(k / rate_hz) for k in range(5 * rate_hz)))
+        last_s = 5.0 - 1.0 / rate_hz
+        assert buffer.at(round((last_s - 0.95 * HISTORY_S) * SECOND)) is not None
+        assert buffer.at(round((last_s - 1.05 * HISTORY_S) * SECOND)) is None
+    flood = OdometryBuffer()
+    for k in range(MOST_SAMPLES + 10):
+        flood.add(sample(1.0 + 1e-6 * k))
+    assert len(flood._samples) == MOST_SAMPLES

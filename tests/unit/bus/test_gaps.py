@@ -34,6 +34,13 @@ def test_a_sender_that_was_there_before_us_or_began_anew_has_lost_nothing():
     assert gaps.lost == {}
 
 
+def test_an_absurd_number_is_no_loss_and_later_losses_are_counted():
+    gaps = SequenceGaps()
+    for sequence in (1, 2, 2**62, 3, 6):
+        gaps.see("points", attachment(sequence, 0, GID))
+    assert gaps.lost == {"points": 2}
+
+
 def test_an_attachment_of_another_kind_says_nothing():
     gaps = SequenceGaps()
     gaps.see("points", b"hello")
