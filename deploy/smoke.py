@@ -7,11 +7,12 @@ import json
 import math
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 FOREIGN = ("torch", "aiohttp", "twinscrew.training", "twinscrew.export", "twinscrew.hil_sim")
 """What a boat does not carry."""
+COMMANDS = ("run", "replay", "doctor", "manifest")
+"""The commands of a boat."""
 PACKAGED = ("Python", "packages", "native kernels", "sensor", "policy")
 """The doctor's lines that are about the installation; the others are about the machine."""
 RING = 60
@@ -23,11 +24,15 @@ def main() -> None:
     carried = [name for name in FOREIGN if importlib.util.find_spec(name) is not None]
     if carried:
         sys.exit(f"the boat's installation carries {', '.join(carried)}")
-    with tempfile.TemporaryDirectory() as folder:
-        objects = perceive(Path(folder))
-    if len(objects) != 1:
-        sys.exit(f"one buoy was shown, but {len(objects)} objects were found")
-    print("perceive     one buoy shown, one found")
+    words = twinscrew("--help").stdout.split()
+    missing = [name for name in COMMANDS if name not in words]
+    if missing or "perceive" in words:
+        sys.exit(f"commands: {missing or 'perceive'} should {'' if missing else 'not '}be there")
+    print(f"commands     {', '.join(COMMANDS)}")
+    found = objects(buoy(8.0, 0.4))
+    if found != 1:
+        sys.exit(f"one buoy was shown, but {found} objects were found")
+    print("perception   one buoy shown, one found")
     findings = doctor()
     failed = [finding for finding in findings if finding["verdict"] == "FAIL"]
     print(f"doctor       {len(findings)} lines, {len(failed)} FAIL")
@@ -36,13 +41,18 @@ def main() -> None:
         sys.exit(json.dumps(ours, indent=1))
 
 
-def perceive(folder: Path) -> list[dict[str, float]]:
-    """Have a scan of a buoy 8 m ahead perceived; give the objects."""
-    scan = folder / "buoy.pcd"
-    scan.write_text(pcd(buoy(8.0, 0.4)))
-    answer = twinscrew("perceive", str(scan), "--sensor", "vrx32", "--json")
-    objects: list[dict[str, float]] = json.loads(answer.stdout)["objects"]
-    return objects
+def objects(places: list[tuple[float, float, float]]) -> int:
+    """Count what perception finds in a scan of these places; x forward, y left, z up."""
+    import numpy as np
+
+    from twinscrew.runtime.messages.types import PointCloud
+    from twinscrew.runtime.perception.segmentation import Perception
+    from twinscrew.runtime.perception.sensor import load_sensor
+
+    points_S = np.array(places, np.float32) * np.array([1, -1, -1], np.float32)
+    cloud = PointCloud(stamp_ns=0, frame_id="trial", points_S=points_S)
+    level = np.array([1.0, 0.0, 0.0, 0.0])
+    return len(Perception(load_sensor("vrx32")).step(cloud, level).radius)
 
 
 def buoy(ahead_m: float, radius_m: float) -> list[tuple[float, float, float]]:
@@ -57,14 +67,6 @@ def buoy(ahead_m: float, radius_m: float) -> list[tuple[float, float, float]]:
             z = distance * math.tan(math.radians(-1.0 + 0.7 * beam))
             places.append((distance * math.cos(bearing), distance * math.sin(bearing), z))
     return places
-
-
-def pcd(places: list[tuple[float, float, float]]) -> str:
-    """Write points as an ASCII PCD file."""
-    count = len(places)
-    head = f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {count}\n"
-    head += f"HEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA ascii\n"
-    return head + "".join(f"{x:.4f} {y:.4f} {z:.4f}\n" for x, y, z in places)
 
 
 def doctor() -> list[dict[str, str]]:

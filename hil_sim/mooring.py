@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twinscrew.hil_sim.vessel.state import VesselState
-from twinscrew.runtime.geometry.angles import wrap
+from twinscrew.runtime.geometry import wrap
 from twinscrew.runtime.messages.types import Float64
 
 

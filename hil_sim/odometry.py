@@ -5,7 +5,7 @@ from __future__ import annotations
 from numpy.random import Generator
 
 from twinscrew.hil_sim.vessel.state import VesselState
-from twinscrew.runtime.geometry.frames import quaternion_from_euler, quaternion_product
+from twinscrew.runtime.geometry import quaternion_from_euler, quaternion_product
 from twinscrew.runtime.messages.types import Odometry
 from twinscrew.runtime.settings import NonNegative, Settings
 

@@ -17,7 +17,7 @@ import numpy as np
 from twinscrew.hil_sim import random_scenario
 from twinscrew.hil_sim.random_scenario import Coordinate, RandomSettings
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import NonNegative, Positive, Settings, load, shipped
 

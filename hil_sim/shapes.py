@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_from_quaternion
+from twinscrew.runtime.geometry import quaternion_from_euler, rotation_from_quaternion
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import Positive, Settings, load, shipped
 

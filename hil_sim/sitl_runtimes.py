@@ -12,7 +12,7 @@ from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.ground import GroundSettings
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.recording_settings import RecordingSettings
-from twinscrew.runtime.estimation.settings import EstimationSettings
+from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.link.datum import Datum
 

@@ -27,37 +27,54 @@ class Gates:
     weak: float
     def __init__(self) -> None: ...
 
-class Motion:
-    def __init__(
-        self,
-        rates: Sequence[float],
-        velocity: Sequence[float],
-        first_time: float,
-        time_per_column: float,
-    ) -> None: ...
-
 class FootprintRule:
     def __init__(
         self, length: float, beam: float, reach: float, least: float, points: int
     ) -> None: ...
 
 class Counts:
+    """What became of the points of a scan; the counts add up to `points`."""
+
+    def __init__(self) -> None: ...
     @property
-    def points(self) -> int: ...
+    def points(self) -> int:
+        """[-] All points of the cloud."""
     @property
-    def empty(self) -> int: ...
+    def empty(self) -> int:
+        """[-] Without an echo: NaN, infinite, or at the sensor's origin."""
     @property
-    def range(self) -> int: ...
+    def range(self) -> int:
+        """[-] Nearer or farther than of use."""
     @property
-    def no_beam(self) -> int: ...
+    def no_beam(self) -> int:
+        """[-] In a direction in which the described sensor fires no beam."""
     @property
-    def hull(self) -> int: ...
+    def hull(self) -> int:
+        """[-] On the own hull."""
     @property
-    def water(self) -> int: ...
+    def water(self) -> int:
+        """[-] From the water."""
     @property
-    def hidden(self) -> int: ...
+    def hidden(self) -> int:
+        """[-] In one cell of the image with a nearer one."""
     @property
-    def used(self) -> int: ...
+    def used(self) -> int:
+        """[-] In the range image."""
+
+Found = tuple[
+    NDArray[np.float64],  # (K, 2) centres
+    NDArray[np.float64],  # (K,) radii
+    NDArray[np.int64],  # (K,) echoes
+    NDArray[np.int64],  # (K,) of what cut object it is a piece, or -1
+    NDArray[np.int64],  # (K + 1,) where each object's strips begin
+    NDArray[np.float64],  # (S, 4) strips: x, y, length, echoes
+    NDArray[np.float64],  # (3,) the sensor
+    NDArray[np.float64],  # (3,) its z axis
+    NDArray[np.float64],  # (A, 2) where each sector's sight ends
+    NDArray[np.float64],  # (A,) heights of the echoes there, NaN without
+    NDArray[np.int64],  # (A,) of what cut object they are, or -1
+]
+"""What a kernel finds in a scan; places and directions in frame L."""
 
 class Kernel:
     def __init__(
@@ -81,29 +98,32 @@ class Kernel:
         piece: float,
         strip_gap: float,
         sector: int,
+        R_BS: Sequence[float],
+        p_BS: Sequence[float],
+        column_times: tuple[float, float] | None,
+        wide: bool = True,
     ) -> None: ...
+    def scan(
+        self,
+        points_S: NDArray[np.float32],
+        intensity: NDArray[np.float32] | None,
+        time: NDArray[np.float32] | None,
+        q_NB: NDArray[np.float64],
+        rates: NDArray[np.float64] | None,
+        velocity: NDArray[np.float64] | None,
+    ) -> tuple[Counts, Found]:
+        """project, segment and objects in one call."""
     def project(
         self,
         points_S: NDArray[np.float32],
         intensity: NDArray[np.float32] | None,
         time: NDArray[np.float32] | None,
-        R_BS: Sequence[float],
-        p_BS: Sequence[float],
-        R_LB: Sequence[float],
-        motion: Motion | None,
+        q_NB: NDArray[np.float64],
+        rates: NDArray[np.float64] | None,
+        velocity: NDArray[np.float64] | None,
     ) -> Counts: ...
     def segment(self) -> int: ...
-    def objects(self) -> NDArray[np.float64]: ...
-    def strips(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]: ...
-    def outline(
-        self,
-    ) -> tuple[
-        NDArray[np.float64],
-        NDArray[np.float64],
-        NDArray[np.float64],
-        NDArray[np.float64],
-        NDArray[np.int64],
-    ]: ...
+    def objects(self) -> Found: ...
     def range_image(self) -> NDArray[np.float32]: ...
     def point_image(self) -> NDArray[np.int32]: ...
     def labels(self) -> NDArray[np.int32]: ...

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from twinscrew.hil_sim.bench.timing import Stopwatch, garbage_at_rest
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages.types import Float64, Odometry, Tracks
 from twinscrew.runtime.safety.assurance import Assurance, AssuranceSettings
 

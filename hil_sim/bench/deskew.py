@@ -11,10 +11,10 @@ from numpy.random import Generator
 from twinscrew.hil_sim.bench.perception_scenes import Scene, open_scene
 from twinscrew.hil_sim.bodies import Bodies
 from twinscrew.hil_sim.lidar import Lidar, LidarSettings
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages.types import Float64, Objects
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import Sensor, load_sensor
-from twinscrew.runtime.perception.stage import Perception
 
 YAW_RATE = 1.0
 """[rad/s] Of the WAM-V with -500 and 1000 N, steady; its speed ahead is then `SURGE`."""

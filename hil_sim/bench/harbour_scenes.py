@@ -17,10 +17,10 @@ from twinscrew.hil_sim.bench.perception_score import echo_counts, labelled_echoe
 from twinscrew.hil_sim.bodies import Bodies
 from twinscrew.hil_sim.lidar import Lidar, LidarSettings
 from twinscrew.hil_sim.shapes import Shape, boxes_shape, load_shape
-from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_from_quaternion
+from twinscrew.runtime.geometry import quaternion_from_euler, rotation_from_quaternion
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Objects, Odometry
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import Sensor
-from twinscrew.runtime.perception.stage import Perception
 
 OWN = 0
 """The row of the vessel that looks."""

@@ -20,8 +20,8 @@ from twinscrew.runtime.errors import TwinscrewError
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Engagement, Odometry, PointCloud
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
-from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.policy.observation import observe
 
 SCANS = 2000

@@ -10,8 +10,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from twinscrew.runtime.messages.types import Float32
+from twinscrew.runtime.perception.segmentation import PerceptionSettings
 from twinscrew.runtime.perception.sensor import Sensor
-from twinscrew.runtime.perception.settings import PerceptionSettings
 
 
 def project(points_S: Float32, sensor: Sensor, settings: PerceptionSettings) -> Float32:

@@ -20,8 +20,8 @@ from twinscrew.hil_sim.bench.scenes import basin
 from twinscrew.hil_sim.bench.timing import Stopwatch, garbage_at_rest
 from twinscrew.hil_sim.lidar import LidarSettings, Scan
 from twinscrew.runtime.messages.types import Objects
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
-from twinscrew.runtime.perception.stage import Perception
 
 SCENES = 250
 """[-] Random scenes of each kind."""

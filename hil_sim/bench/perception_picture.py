@@ -11,11 +11,11 @@ from twinscrew.hil_sim.bench.perception_scenes import QUAY, RADII, harbour_scene
 from twinscrew.hil_sim.bench.perception_score import body_frame
 from twinscrew.hil_sim.bench.tracking import SENSOR, Look, looks
 from twinscrew.hil_sim.lidar import LidarSettings
-from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.hil_sim.perceive.picture import draw
+from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Float64, Odometry
-from twinscrew.runtime.perception.picture import draw
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
-from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.tracking.tracker import Tracker
 from twinscrew.runtime.tracking.view import View
 

@@ -10,7 +10,7 @@ from numpy.random import Generator
 from twinscrew.hil_sim.bodies import Bodies
 from twinscrew.hil_sim.lidar import Lidar, LidarSettings, Scan
 from twinscrew.hil_sim.shapes import Shape, boxes_shape, load_shape
-from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_from_quaternion
+from twinscrew.runtime.geometry import quaternion_from_euler, rotation_from_quaternion
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.perception.sensor import Sensor
 

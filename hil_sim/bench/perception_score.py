@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from twinscrew.hil_sim.bench.perception_scenes import QUAY, RADII, Scene
 from twinscrew.hil_sim.lidar import Scan
 from twinscrew.runtime.messages.types import Float64, Objects
-from twinscrew.runtime.perception.stage import Perception
+from twinscrew.runtime.perception.segmentation import Perception
 
 PURITY = 0.9
 """[-] Share of an own cluster's echoes that must come from the object."""

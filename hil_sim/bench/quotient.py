@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
     Float64,

@@ -17,7 +17,7 @@ from twinscrew.hil_sim.bench.quotient import DifferenceQuotient
 from twinscrew.hil_sim.bench.tracking_score import Truth, VelocityScore
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.world import World, make_world
-from twinscrew.runtime.geometry.frames import rotation_from_quaternion
+from twinscrew.runtime.geometry import rotation_from_quaternion
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
     Float64,
@@ -27,8 +27,8 @@ from twinscrew.runtime.messages.types import (
     PointCloud,
     Tracks,
 )
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
-from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.policy.observation import observe

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from twinscrew.runtime.geometry.angles import wrap
+from twinscrew.runtime.geometry import wrap
 from twinscrew.runtime.messages.types import Float64
 
 MATCH_M = 3.0

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from twinscrew.hil_sim.bridges.ardupilot_json import Motion, Quaternion, Vector
 from twinscrew.hil_sim.vessel.state import VesselState
-from twinscrew.runtime.geometry.frames import rotation_from_quaternion
+from twinscrew.runtime.geometry import rotation_from_quaternion
 
 GRAVITY_MPS2 = 9.80665
 """[m/s2] Standard gravity, which ArduPilot calibrates its accelerometers with (GRAVITY_MSS)."""

@@ -62,8 +62,8 @@ from twinscrew.runtime.messages.types import (
     PointCloud,
     Tracks,
 )
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import Sensor, load_sensor
-from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.safety.assurance import Assurance, AssuranceSettings
 from twinscrew.runtime.safety.events import ASSURANCE_INTERVENED
 from twinscrew.runtime.settings import load, shipped

@@ -15,7 +15,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.geometry.frames import flu_to_frd
+from twinscrew.runtime.geometry import flu_to_frd
 from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings, load, shipped
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from twinscrew.runtime.geometry.frames import rotation_from_quaternion
+from twinscrew.runtime.geometry import rotation_from_quaternion
 from twinscrew.runtime.messages.types import Odometry, PointCloud
 from twinscrew.runtime.perception.sensor import Sensor
 

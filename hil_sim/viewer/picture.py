@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from twinscrew.hil_sim.viewer.wire import TrackView
-from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Float64, Objects, Odometry, Tracks
 from twinscrew.runtime.policy.colregs import situation
 

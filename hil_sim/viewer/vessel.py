@@ -13,7 +13,7 @@ from twinscrew.hil_sim.viewer.picture import object_views, pair, track_views
 from twinscrew.hil_sim.viewer.trail import Trail
 from twinscrew.hil_sim.viewer.wire import POINT_BYTES, EventView, Part, VesselView, encode_part
 from twinscrew.runtime.errors import MessageError
-from twinscrew.runtime.geometry.frames import rotation_2d, rotation_from_quaternion
+from twinscrew.runtime.geometry import rotation_2d, rotation_from_quaternion
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.cloud import POINT_CLOUD_TYPE
 from twinscrew.runtime.messages.header import read_stamp

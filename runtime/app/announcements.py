@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from twinscrew.runtime.estimation import events as estimation_events
+from twinscrew.runtime.estimation import estimator as estimation_events
 from twinscrew.runtime.link import events as link_events
 from twinscrew.runtime.messages.types import HealthEvent, Severity
 from twinscrew.runtime.safety import events as safety_events

@@ -15,7 +15,7 @@ from twinscrew.runtime.app.odometry_source import (
 from twinscrew.runtime.app.pipeline import Pipeline
 from twinscrew.runtime.link.autopilot import AutopilotLink
 from twinscrew.runtime.link.stations import Stations
-from twinscrew.runtime.perception.stage import Perception
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.policy.metadata import PolicyExpectation
 from twinscrew.runtime.safety.assurance import Assurance

@@ -18,11 +18,11 @@ from twinscrew.runtime.app.odometry_source import AlignmentSettings
 from twinscrew.runtime.app.priority import PrioritySettings
 from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
-from twinscrew.runtime.estimation.settings import EstimationSettings
+from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.messages.topics import TOPICS
+from twinscrew.runtime.perception.segmentation import PerceptionSettings
 from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
-from twinscrew.runtime.perception.settings import PerceptionSettings
 from twinscrew.runtime.policy.observation import ObservationSettings
 from twinscrew.runtime.policy.risk import RiskSettings
 from twinscrew.runtime.safety.assurance import AssuranceSettings

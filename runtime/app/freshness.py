@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from twinscrew.runtime.geometry.angles import wrap
+from twinscrew.runtime.geometry import wrap
 from twinscrew.runtime.messages.types import Float32, Odometry, PointCloud
 
 MOVED_M: Final = 0.05

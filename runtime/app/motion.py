@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from twinscrew.runtime.app.finding import Finding, fail, ok, warn
 from twinscrew.runtime.errors import MessageError
-from twinscrew.runtime.geometry.frames import rotation_from_quaternion
+from twinscrew.runtime.geometry import rotation_from_quaternion
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Odometry
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from twinscrew.runtime.geometry.frames import (
+from twinscrew.runtime.geometry import (
     interpolate_quaternion,
     quaternion_from_euler,
     quaternion_product,

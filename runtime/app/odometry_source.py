@@ -25,8 +25,7 @@ from statistics import median_low
 from typing import Literal, Protocol
 
 from twinscrew.runtime.errors import MessageError
-from twinscrew.runtime.estimation.estimator import Estimator
-from twinscrew.runtime.estimation.settings import EstimationSettings
+from twinscrew.runtime.estimation.estimator import EstimationSettings, Estimator
 from twinscrew.runtime.link.autopilot import AutopilotLink
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, HealthEvent

@@ -24,7 +24,7 @@ from twinscrew.runtime.messages.types import (
     PointCloud,
     Tracks,
 )
-from twinscrew.runtime.perception.stage import Perception
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.policy.observation import ObservationSettings, observe
 from twinscrew.runtime.safety.assurance import Assurance

@@ -6,7 +6,7 @@ Recorded only, never published: a boat or a VRX has its own publisher of /tf.
 from __future__ import annotations
 
 from twinscrew.runtime.errors import MessageError
-from twinscrew.runtime.geometry.frames import flu_to_frd, quaternion_from_euler
+from twinscrew.runtime.geometry import flu_to_frd, quaternion_from_euler
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.header import VESSEL_FRAME
 from twinscrew.runtime.messages.transforms import Transform, vessel_transform

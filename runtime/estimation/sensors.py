@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twinscrew.runtime.geometry.frames import (
+from twinscrew.runtime.geometry import (
     euler_from_quaternion,
     flu_to_frd,
     quaternion_from_euler,
@@ -19,10 +19,10 @@ from twinscrew.runtime.settings import Positive, Settings
 
 
 class AntennaSettings(Settings, frozen=True):
-    """Where the antenna sits, from the vessel's origin: forward, to port, up."""
+    """Where the antenna sits, from the vessel's origin; VRX's WAM-V."""
 
     x_m: float = -0.85
-    """[m] Forward (VRX's WAM-V)."""
+    """[m] Forward."""
     y_m: float = 0.0
     """[m] To port."""
     z_m: float = 1.3
@@ -30,26 +30,26 @@ class AntennaSettings(Settings, frozen=True):
 
 
 class SensorSettings(Settings, frozen=True):
-    """Where antenna and IMU sit; VRX's WAM-V."""
+    """Where antenna and IMU sit, VRX's WAM-V, and their errors where their messages give none."""
 
     antenna: AntennaSettings = AntennaSettings()
     imu: Mount = Mount(x_m=0.3, y_m=-0.2, z_m=1.3)
     """The IMU's place and how it is turned, as the LiDAR's mount."""
     horizontal_sigma_m: Positive = 1.0
-    """[m] Standard deviation of a fix north and east, where the receiver tells none."""
+    """[m] Standard deviation of a fix north and east."""
     vertical_sigma_m: Positive = 2.0
     """[m] The same of its altitude."""
     least_sigma_m: Positive = 0.01
     """[m] A receiver that claims to be better is not believed."""
     tilt_sigma_rad: Positive = 0.01
-    """[rad] Standard deviation of the IMU's roll and pitch, where it tells none."""
+    """[rad] Standard deviation of the IMU's roll and pitch."""
     heading_sigma_rad: Positive = 0.02
     """[rad] The same of its heading."""
 
 
 @dataclass(frozen=True, slots=True)
-class ImuInBody:
-    """An IMU's message, turned into the vessel's axes."""
+class ImuSample:
+    """An IMU's message in the vessel's axes; None is what the IMU does not measure."""
 
     stamp_ns: int
     """[ns]"""
@@ -58,16 +58,16 @@ class ImuInBody:
     force_B: Float64
     """[m/s2] (3,) Specific force at the IMU."""
     attitude: Float64 | None
-    """[rad] (3,) The vessel's roll, pitch, yaw; None if the IMU does not tell."""
+    """[rad] (3,) The vessel's roll, pitch, yaw."""
     attitude_variance: Float64 | None
-    """[rad2] (3,) None if the IMU does not tell."""
+    """[rad2] (3,)"""
     rates_variance: float | None
-    """[rad2/s2] Mean over the axes; None if the IMU does not tell."""
+    """[rad2/s2] Mean over the axes."""
     force_variance: float | None
-    """[m2/s4] Mean over the axes; None if the IMU does not tell."""
+    """[m2/s4] Mean over the axes."""
 
 
-class Carriage:
+class SensorPlacement:
     """The sensors on the vessel."""
 
     def __init__(self, settings: SensorSettings) -> None:
@@ -84,35 +84,32 @@ class Carriage:
         self.antenna_from_imu_B = self.antenna_B - self.imu_B
         """[m] (3,) The antenna from the IMU."""
 
-    def in_body(self, imu: Imu) -> ImuInBody:
+    def sample(self, imu: Imu) -> ImuSample:
         """Turn an IMU's message into the vessel's axes."""
         attitude = None
         if imu.q_NI is not None:
             attitude = np.array(euler_from_quaternion(quaternion_product(imu.q_NI, self._q_IB)))
-        return ImuInBody(
+        rates, force = imu.rates_variance, imu.force_variance
+        return ImuSample(
             stamp_ns=imu.stamp_ns,
             rates_B=self._R_BI @ imu.rates_I,
             force_B=self._R_BI @ imu.force_I,
             attitude=attitude,
             attitude_variance=imu.attitude_variance,
-            rates_variance=_mean(imu.rates_variance),
-            force_variance=_mean(imu.force_variance),
+            rates_variance=None if rates is None else float(rates.mean()),
+            force_variance=None if force is None else float(force.mean()),
         )
 
-    def attitude_R(self, felt: ImuInBody) -> Float64:
-        """Give the covariance of an attitude, (3, 3) [rad2]: as told, or as configured."""
-        if felt.attitude_variance is not None:
-            return np.diag(felt.attitude_variance)
+    def attitude_R(self, sample: ImuSample) -> Float64:
+        """Give the covariance of an attitude, (3, 3) [rad2]: the message's, or the settings'."""
+        if sample.attitude_variance is not None:
+            return np.diag(sample.attitude_variance)
         tilt, heading = self._settings.tilt_sigma_rad, self._settings.heading_sigma_rad
         return np.diag([tilt**2, tilt**2, heading**2])
 
     def position_R(self, fix: Fix) -> Float64:
-        """Give the covariance of a fix, (3, 3) [m2]: as told, or as configured."""
+        """Give the covariance of a fix, (3, 3) [m2]: the message's, or the settings'."""
         if fix.covariance_N is not None:
             return fix.covariance_N + self._settings.least_sigma_m**2 * np.eye(3)
         across, up = self._settings.horizontal_sigma_m, self._settings.vertical_sigma_m
         return np.diag([across**2, across**2, up**2])
-
-
-def _mean(variance: Float64 | None) -> float | None:
-    return None if variance is None else float(variance.mean())

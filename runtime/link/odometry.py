@@ -10,7 +10,7 @@ from collections import deque
 
 import numpy as np
 
-from twinscrew.runtime.geometry.frames import (
+from twinscrew.runtime.geometry import (
     quaternion_from_euler,
     quaternion_product,
     rotation_from_quaternion,

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.runtime.geometry.frames import rotation_from_quaternion
+from twinscrew.runtime.geometry import rotation_from_quaternion
 from twinscrew.runtime.link.wire import Message
 from twinscrew.runtime.messages.types import Float64, Odometry
 

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from twinscrew.runtime.geometry.frames import (
+from twinscrew.runtime.geometry import (
     attitude_enu_flu_to_ned_frd,
     attitude_ned_frd_to_enu_flu,
     flu_to_frd,

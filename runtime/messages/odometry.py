@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from twinscrew.runtime.geometry.frames import (
+from twinscrew.runtime.geometry import (
     Array,
     attitude_enu_flu_to_ned_frd,
     attitude_ned_frd_to_enu_flu,

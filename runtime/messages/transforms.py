@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final, NamedTuple
 
-from twinscrew.runtime.geometry.frames import attitude_ned_frd_to_enu_flu, enu_to_ned
+from twinscrew.runtime.geometry import attitude_ned_frd_to_enu_flu, enu_to_ned
 from twinscrew.runtime.messages.header import VESSEL_FRAME, WORLD_FRAME, write_header
 from twinscrew.runtime.messages.types import Odometry
 from twinscrew.runtime.messages.wire import Writer

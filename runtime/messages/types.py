@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from twinscrew.runtime.geometry.frames import euler_from_quaternion
+from twinscrew.runtime.geometry import euler_from_quaternion
 
 Float32: TypeAlias = NDArray[np.float32]
 Float64: TypeAlias = NDArray[np.float64]

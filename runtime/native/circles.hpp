@@ -53,6 +53,9 @@ class Circles {
   std::int32_t circle_of(const PatchMap& map, std::size_t cell) const {
     return circle_of_[map.patch_of(cell)];
   }
+  std::int32_t circle_of(const Stretch& stretch) const {
+    return circle_of_[static_cast<std::size_t>(stretch.patch)];
+  }
 
  private:
   static constexpr std::int32_t NONE = -1;
@@ -172,11 +175,11 @@ class Circles {
       outer_[i] = farthest2(patches[i], circle.x, circle.y) >= circle.radius;
     }
     for (Circle& circle : circles_) circle.radius = 0.0;
-    for (const PatchSpan& span : map.spans()) {
-      if (!outer_[index(span.patch)]) continue;
-      Circle& circle = circles_[index(circle_of_[index(span.patch)])];
+    for (const Stretch& stretch : map.stretches()) {
+      if (!outer_[index(stretch.patch)]) continue;
+      Circle& circle = circles_[index(circle_of_[index(stretch.patch)])];
       double farthest2 = circle.radius;
-      image.each_between(span.first, span.last, [&](std::size_t cell) {
+      image.each_between(stretch.first, stretch.last, [&](std::size_t cell) {
         const double dx = image.echo(cell).x - circle.x, dy = image.echo(cell).y - circle.y;
         farthest2 = std::max(farthest2, dx * dx + dy * dy);
       });

@@ -20,12 +20,12 @@ class Kernel {
  public:
   Kernel(const Scanner& scanner, const Gates& gates, const Criterion& criterion, float reach,
              const MergeRule& merge, const FootprintRule& footprint, const CircleRules& rules,
-         float strip_gap, int sector)
+         float strip_gap, int sector, bool wide = has_eight_lanes())
       : scanner_(scanner),
         image_(scanner.rows(), scanner.columns()),
-        projection_(scanner_, gates, Plane::of(reach, merge.across)),
-        segmentation_(scanner_, criterion),
-        patches_(Plane::of(reach, merge.across), merge, image_.size()),
+        projection_(scanner_, gates, Plane::of(reach, merge.across), wide),
+        segmentation_(scanner_, criterion, image_.size()),
+        patches_(Plane::of(reach, merge.across), merge, strip_gap, image_.size()),
         groups_(image_.size()),
         footprints_(footprint, image_.size()),
         circles_(rules, image_.size()),
@@ -34,6 +34,7 @@ class Kernel {
   Kernel(const Kernel&) = delete;  // the stages refer to the scanner beside them
   Kernel& operator=(const Kernel&) = delete;
 
+  // X_BS places the sensor on the vessel, R_LB levels the vessel's frame; motion may be null.
   Counts project(const Cloud& cloud, const Transform& X_BS, const Matrix& R_LB,
                  const Motion* motion) {
     X_LS_ = product(R_LB, X_BS);
@@ -52,8 +53,7 @@ class Kernel {
 
   // Of the circles that `objects` found.
   const std::vector<Strip>& strips() {
-    strips_(image_, scanner_.wraps(), [&](std::size_t cell) { return circle_of(cell); });
-    return strips_.strips();
+    return strips_(image_, patches_, circles_, scanner_.wraps());
   }
 
   // Where each sector's sight ends, and of which cut object `objects` found pieces there.
@@ -64,7 +64,7 @@ class Kernel {
     });
   }
 
-  // From the sensor to the levelled frame B, in the last scan.
+  // From the sensor to the levelled frame L, in the last scan.
   const Transform& X_LS() const { return X_LS_; }
 
   std::size_t circles() const { return circles_.circles().size(); }

@@ -6,9 +6,11 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <vector>
 
+#include "lanes.hpp"
 #include "projection.hpp"
 #include "range_image.hpp"
 #include "scanner.hpp"
@@ -67,39 +69,32 @@ class Outline {
 
   int end_of(int first) const { return std::min(first + sector_, columns_); }
 
-  // Finds each column's nearest echo; where a row has echoes side by side, many at once.
+  // Finds each column's nearest echo, four columns at a time.
   void find_nearest(const RangeImage& image) {
     std::fill(range_.begin(), range_.end(), NOTHING);
     for (int row = 0; row < image.rows(); ++row) {
       const float* const ranges = image.ranges() + image.cell(row, 0);
       const std::uint64_t* const words = image.row_words(row);
       for (std::size_t word = 0; word < image.words(); ++word) {
-        const std::size_t first = word * RangeImage::WORD;
-        if (words[word] == ALL) {
-          keep_all(ranges + first, row, &range_[first], &row_[first]);
-        } else {
-          for (std::uint64_t bits = words[word]; bits != 0; bits &= bits - 1) {
-            const std::size_t column = first + static_cast<std::size_t>(std::countr_zero(bits));
-            keep(column, row, ranges[column]);
-          }
+        const std::uint64_t bits = words[word];
+        // The first bit of each four that has any.
+        std::uint64_t fours = (bits | bits >> 1 | bits >> 2 | bits >> 3) & 0x1111111111111111U;
+        for (; fours != 0; fours &= fours - 1) {
+          const auto lane = static_cast<std::size_t>(std::countr_zero(fours));
+          const auto four = static_cast<std::int32_t>(bits >> lane & 15U);
+          const std::size_t column = word * RangeImage::WORD + lane;
+          const Int4 occupied = (Int4{four, four, four, four} & Int4{1, 2, 4, 8}) != 0;
+          const Float4 here = load(ranges + column), nearest = load(&range_[column]);
+          const Int4 is_nearer = (here < nearest) & occupied;
+          Int4 rows;
+          std::memcpy(&rows, &row_[column], sizeof rows);
+          rows = is_nearer ? Int4{row, row, row, row} : rows;
+          const Float4 least = select(is_nearer, here, nearest);
+          std::memcpy(&row_[column], &rows, sizeof rows);
+          std::memcpy(&range_[column], &least, sizeof least);
         }
       }
     }
-  }
-
-  static void keep_all(const float* ranges, std::int32_t row, float* __restrict nearest,
-                       std::int32_t* __restrict rows) {
-    for (std::size_t k = 0; k < RangeImage::WORD; ++k) {
-      const bool is_nearer = ranges[k] < nearest[k];
-      rows[k] = is_nearer ? row : rows[k];
-      nearest[k] = is_nearer ? ranges[k] : nearest[k];
-    }
-  }
-
-  void keep(std::size_t column, int row, float range) {
-    const bool is_nearer = range < range_[column];
-    row_[column] = is_nearer ? row : row_[column];
-    range_[column] = is_nearer ? range : range_[column];
   }
 
   Sight end(const Ray& ray, const Transform& X_LS) const {
@@ -117,8 +112,6 @@ class Outline {
     return -(X_LS.R[6] * level * rays_[sector].x + X_LS.R[7] * level * rays_[sector].y -
              X_LS.R[8] * range * std::sin(elevation) + X_LS.t[2]);
   }
-
-  static constexpr std::uint64_t ALL = ~std::uint64_t{0};
 
   int columns_, sector_;
   double reach_;

@@ -7,10 +7,14 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <limits>
+#include <numbers>
 #include <span>
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
 
-#include "lanes.hpp"
 #include "plane.hpp"
 #include "range_image.hpp"
 #include "scanner.hpp"
@@ -24,11 +28,6 @@ using Vector = std::array<float, 3>;
 struct Transform {
   Matrix R;
   Vector t;
-  // One coordinate of a point, or of four points at once.
-  template <class Number>
-  Number along(std::size_t axis, const Number& x, const Number& y, const Number& z) const {
-    return R[3 * axis] * x + R[3 * axis + 1] * y + R[3 * axis + 2] * z + t[axis];
-  }
 };
 
 // First X, then the rotation R.
@@ -73,191 +72,132 @@ struct Counts {
                used = 0;
 };
 
-// Turns a vector by the small rotation theta, to second order: an error of |theta|^3 / 6.
-inline Vector turned(const Vector& p, const Vector& theta) {
-  const auto cross = [](const Vector& a, const Vector& b) {
-    return Vector{a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
-                  a[0] * b[1] - a[1] * b[0]};
-  };
-  const Vector once = cross(theta, p), twice = cross(theta, once);
-  return {p[0] + once[0] + 0.5F * twice[0], p[1] + once[1] + 0.5F * twice[1],
-          p[2] + once[2] + 0.5F * twice[2]};
+// What the loops leave of some hundred points, which stay in the first-level cache.
+struct Block {
+  static constexpr std::size_t SIZE = 512;
+  using Lane = std::array<float, SIZE>;
+  using Numbers = std::array<std::int32_t, SIZE>;
+  Lane x{}, y{}, z{}, range{}, tangent{};
+  std::array<Lane, 3> p_L{};  // [m] levelled frame L
+  Numbers point{}, bin{}, column{}, fate{};
+  std::array<Echo, SIZE> echo{};
+};
+
+// A point's fate: bits of why it may not be used.
+inline constexpr std::int32_t NO_BEAM = 1, HULL = 2, WATER = 4, MAY_BE_WATER = 8;
+
+// The loops over a block, for some number of lanes.
+struct Loops {
+  std::size_t (*gather)(std::span<const float>, std::size_t, std::size_t, const Gates&, Block&,
+                        std::size_t&);
+  void (*find)(std::size_t, const Bins&, const Gates&, const Transform&, const Transform&, Block&);
+  void (*deskew)(std::size_t, std::span<const float>, const Transform&, const Transform&,
+                 const Motion&, Block&);
+  void (*place)(std::size_t, const Gates&, const Plane&, Block&);
+};
+
+#define LANES 4
+namespace four {
+#include "projection_lanes.inc"
+}  // namespace four
+#undef LANES
+
+// The wide loops are compiled for a processor that has them, whatever the rest is compiled for.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
+#define TWINSCREW_WIDE 1
+#pragma GCC push_options
+#pragma GCC target("avx2")
+#define LANES 8
+namespace eight {
+#include "projection_lanes.inc"
+}  // namespace eight
+#undef LANES
+#pragma GCC pop_options
+#endif
+
+inline bool has_eight_lanes() {
+#ifdef TWINSCREW_WIDE
+  return __builtin_cpu_supports("avx2");
+#else
+  return false;
+#endif
 }
 
-// A point of the vessel's frame, seen `seconds` after the stamp, as seen from the vessel at the stamp.
-inline Vector moved(const Vector& p_B, float seconds, const Motion& motion) {
-  Vector theta{}, p{};
-  for (std::size_t i = 0; i < 3; ++i) theta[i] = motion.rates[i] * seconds;
-  p = turned(p_B, theta);
-  for (std::size_t i = 0; i < 3; ++i) p[i] += motion.velocity[i] * seconds;
-  return p;
+// The loops with 4 or, where the processor has them, 8 lanes.
+inline const Loops& loops(bool wide) {
+#ifdef TWINSCREW_WIDE
+  if (wide) return eight::loops;
+#endif
+  (void)wide;
+  return four::loops;
 }
 
-// Fills range images from clouds. Points are taken in blocks that stay in the first-level cache:
-// gate and gather, then angles four at a time, then put into the image.
+// Fills range images from clouds, block by block: gather what is of use, find directions and places
+// many at a time, then put the echoes into the image.
 class Projection {
  public:
-  Projection(const Scanner& scanner, const Gates& gates, const Plane& plane)
-      : scanner_(scanner), gates_(gates), plane_(plane) {}
+  Projection(const Scanner& scanner, const Gates& gates, const Plane& plane, bool wide)
+      : scanner_(scanner), gates_(gates), plane_(plane), loops_(loops(wide)) {}
 
   // X_BS places the sensor on the vessel, R_LB levels B; motion may be null.
   Counts operator()(const Cloud& cloud, const Transform& X_BS, const Matrix& R_LB,
                     const Motion* motion, RangeImage& image) {
-    const Transform X_LS = product(R_LB, X_BS);
+    const Transform X_LS = product(R_LB, X_BS), X_LB{R_LB, {}};
     image.clear();
-    counts_ = {};
+    Counts counts;
     const std::size_t size = cloud.points_S.size() / 3;
-    counts_.points = static_cast<std::int64_t>(size);
-    for (std::size_t begin = 0; begin < size; begin += BLOCK) {
-      const std::size_t end = std::min(begin + BLOCK, size);
-      const std::size_t gathered = gather(cloud.points_S, begin, end);
-      find(gathered, X_BS, X_LS);
-      if (motion != nullptr) deskew(gathered, cloud, X_BS, R_LB, *motion);
-      find_squares(gathered);
-      put(gathered, cloud, image);
+    counts.points = static_cast<std::int64_t>(size);
+    for (std::size_t begin = 0; begin < size; begin += Block::SIZE) {
+      const std::size_t end = std::min(begin + Block::SIZE, size);
+      std::size_t present = 0;
+      const std::size_t n = loops_.gather(cloud.points_S, begin, end, gates_, block_, present);
+      counts.empty += static_cast<std::int64_t>(end - begin - present);
+      counts.range += static_cast<std::int64_t>(present - n);
+      loops_.find(n, scanner_.bins(), gates_, X_BS, X_LS, block_);
+      if (motion != nullptr) loops_.deskew(n, cloud.time, X_BS, X_LB, *motion, block_);
+      loops_.place(n, gates_, plane_, block_);
+      put(n, cloud, image, counts);
     }
-    return counts_;
+    return counts;
   }
 
  private:
-  static constexpr std::size_t BLOCK = 512;
-  using Lane = std::array<float, BLOCK>;
-
-  // Keeps the points within range; NaN fails every comparison, infinity the upper one. Four at a
-  // time; those that are left over are filled up with points at the origin, which are none.
-  std::size_t gather(std::span<const float> points_S, std::size_t begin, std::size_t end) {
-    std::size_t n = 0, present = 0, i = begin;
-    for (; i + LANES <= end; i += LANES) n = keep(Float4x3(&points_S[3 * i]), i, n, present);
-    if (i < end) {
-      std::array<float, 3 * LANES> rest{};
-      std::copy(points_S.begin() + static_cast<std::ptrdiff_t>(3 * i),
-                points_S.begin() + static_cast<std::ptrdiff_t>(3 * end), rest.begin());
-      n = keep(Float4x3(rest.data()), i, n, present);
-    }
-    counts_.empty += static_cast<std::int64_t>(end - begin - present);
-    counts_.range += static_cast<std::int64_t>(present - n);
-    return n;
-  }
-
-  // Stores what is kept of four points, the first of which is `i`, from `n` on; gives the new n.
-  std::size_t keep(const Float4x3& p, std::size_t i, std::size_t n, std::size_t& present) {
-    constexpr float finite = std::numeric_limits<float>::max();
-    const float least = gates_.range_min * gates_.range_min;
-    const float greatest = gates_.range_max * gates_.range_max;
-    const Float4 square = p.x * p.x + p.y * p.y + p.z * p.z;
-    const Int4 some = square > 0.0F;
-    const unsigned kept = bits(some & (square >= least) & (square <= greatest));
-    present += static_cast<std::size_t>(std::popcount(bits(some & (square <= finite))));
-    const auto first = static_cast<std::int32_t>(i);
-    if (kept == 15U) {
-      store(&x_[n], p.x);
-      store(&y_[n], p.y);
-      store(&z_[n], p.z);
-      store(&range_[n], square);
-      store(&point_[n], Int4{0, 1, 2, 3} + first);
-      return n + LANES;
-    }
-    for (unsigned left = kept; left != 0; left &= left - 1, ++n) {
-      const int lane = std::countr_zero(left);
-      x_[n] = p.x[lane];
-      y_[n] = p.y[lane];
-      z_[n] = p.z[lane];
-      range_[n] = square[lane];
-      point_[n] = first + lane;
-    }
-    return n;
-  }
-
-  // Range, direction and place of the gathered points, four at a time. The arguments and `bins`
-  // are copies, which no store into a lane can change.
-  void find(std::size_t n, const Transform X_BS, const Transform X_LS) {
-    const Bins bins = scanner_.bins();
-    const Float4 hull_middle = all(0.5F * (gates_.hull_fore + gates_.hull_aft));
-    const Float4 hull_length = all(0.5F * (gates_.hull_fore - gates_.hull_aft));
-    const Float4 hull_width = all(gates_.mask_hull ? gates_.hull_half_width : -1.0F);
-    for (std::size_t i = 0; i < n; i += LANES) {
-      const Float4 x = load(&x_[i]), y = load(&y_[i]), z = load(&z_[i]);
-      store(&range_[i], square_root(load(&range_[i])));
-      const Float4 tangent = -z / square_root(x * x + y * y);
-      const Int4 bin = bins.elevation(tangent), column = bins.column(x, y);
-      // The hull moves with the sensor: its mask needs no levelling and no deskewing.
-      const Int4 hull = (absolute(X_BS.along(0, x, y, z) - hull_middle) <= hull_length) &
-                        (absolute(X_BS.along(1, x, y, z)) <= hull_width);
-      store(&tangent_[i], tangent);
-      store(&bin_[i], bin);
-      store(&column_[i], column);
-      store(&out_[i], ((bin | column) < 0) | (hull & 2));  // -1: no beam, 2: hull, 0: neither
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        store(&p_L_[axis][i], X_LS.along(axis, x, y, z));
-      }
-    }
-  }
-
-  void find_squares(std::size_t n) {
-    const Plane plane = plane_;
-    for (std::size_t i = 0; i < n; i += LANES) {
-      store(&square_[i], plane.square(load(&p_L_[0][i]), load(&p_L_[1][i])));
-    }
-  }
-
-  // What becomes of the gathered points. The counts are copies, which stay in registers.
-  void put(std::size_t n, const Cloud& cloud, RangeImage& image) {
-    std::int64_t no_beam = 0, hull = 0, water = 0, used = 0, hidden = 0;
+  // The scanner's and the image's addresses are copies, which no store into the image can change.
+  void put(std::size_t n, const Cloud& cloud, RangeImage& image, Counts& counts) const {
+    const Rows rows = scanner_.to_rows();
+    const std::size_t stride = image.cell(1, 0);
+    std::int64_t left_out = 0, hidden = 0;
     RangeImage::Pen pen(image);
     for (std::size_t i = 0; i < n; ++i) {
-      if (out_[i] != 0) {
-        ++(out_[i] < 0 ? no_beam : hull);
-      } else if (gates_.drop_water && is_water(i, cloud)) {
-        ++water;
-      } else {
-        const int row = scanner_.row(bin_[i], tangent_[i]);
-        const Echo echo{p_L_[0][i], p_L_[1][i], square_[i], point_[i]};
-        ++(pen.put(row, column_[i], range_[i], echo) ? used : hidden);
+      if (block_.fate[i] != 0 && is_left_out(i, cloud, counts)) {
+        ++left_out;
+        continue;
       }
+      const std::size_t row = rows.of(block_.bin[i], block_.tangent[i]);
+      const std::size_t cell = row * stride + static_cast<std::size_t>(block_.column[i]);
+      hidden += !pen.put(cell, block_.range[i], block_.echo[i]);
     }
-    counts_.no_beam += no_beam;
-    counts_.hull += hull;
-    counts_.water += water;
-    counts_.used += used;
-    counts_.hidden += hidden;
+    counts.hidden += hidden;
+    counts.used += static_cast<std::int64_t>(n) - left_out - hidden;
   }
 
-  bool is_water(std::size_t i, const Cloud& cloud) const {
-    const float height = gates_.surface_down - p_L_[2][i];
-    if (height < gates_.clearance) return true;
-    return height < gates_.weak_clearance && !cloud.intensity.empty() &&
-           cloud.intensity[static_cast<std::size_t>(point_[i])] <= gates_.weak;
-  }
-
-  // Puts the gathered points where they were, seen from the vessel at the stamp.
-  void deskew(std::size_t n, const Cloud& cloud, const Transform& X_BS, const Matrix& R_LB,
-              const Motion& motion) {
-    const Transform X_LB{R_LB, {}};
-    for (std::size_t i = 0; i < n; ++i) {
-      Vector p{};
-      for (std::size_t axis = 0; axis < 3; ++axis) p[axis] = X_BS.along(axis, x_[i], y_[i], z_[i]);
-      p = moved(p, time(i, cloud, motion), motion);
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        p_L_[axis][i] = X_LB.along(axis, p[0], p[1], p[2]);
-      }
-    }
-  }
-
-  float time(std::size_t i, const Cloud& cloud, const Motion& motion) const {
-    if (cloud.time.empty()) {
-      return motion.first_time + motion.time_per_column * static_cast<float>(column_[i]);
-    }
-    const float told = cloud.time[static_cast<std::size_t>(point_[i])];
-    return std::fabs(told) < 10.0F ? told : 0.0F;  // a scan lasts less; NaN fails the test
+  // Counts a point that is not used.
+  bool is_left_out(std::size_t i, const Cloud& cloud, Counts& counts) const {
+    const std::int32_t fate = block_.fate[i];
+    if ((fate & NO_BEAM) != 0) return ++counts.no_beam, true;
+    if ((fate & HULL) != 0) return ++counts.hull, true;
+    const bool is_weak =
+        !cloud.intensity.empty() &&
+        cloud.intensity[static_cast<std::size_t>(block_.point[i])] <= gates_.weak;
+    if ((fate & WATER) != 0 || is_weak) return ++counts.water, true;
+    return false;
   }
 
   const Scanner& scanner_;
   Gates gates_;
   Plane plane_;
-  Counts counts_;
-  Lane x_{}, y_{}, z_{}, range_{}, tangent_{};
-  std::array<Lane, 3> p_L_{};  // [m] the vessel's frame, levelled
-  std::array<std::int32_t, BLOCK> point_{}, bin_{}, column_{}, out_{}, square_{};
+  const Loops& loops_;
+  Block block_;
 };
 
 }  // namespace twinscrew

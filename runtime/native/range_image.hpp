@@ -14,7 +14,8 @@ struct Echo {
   std::int32_t point;
 };
 
-// Occupancy is one bit a cell: clearing and walking cost only what is there.
+// Occupancy is one bit a cell: clearing and walking cost only what is there. Rows are filled up to
+// whole words, so that a cell's number tells its word and its bit.
 class RangeImage {
  public:
   static constexpr int WORD = 64;    // columns to a word
@@ -25,7 +26,7 @@ class RangeImage {
         columns_(columns),
         words_((static_cast<std::size_t>(columns) + WORD - 1) / WORD),
         occupied_(static_cast<std::size_t>(rows) * words_),
-        echo_(static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns)),
+        echo_(occupied_.size() * WORD),
         range_(MARGIN + echo_.size() + WORD) {}
 
   int rows() const { return rows_; }
@@ -36,42 +37,43 @@ class RangeImage {
   void clear() { std::fill(occupied_.begin(), occupied_.end(), 0); }
 
   std::size_t cell(int row, int column) const {
-    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
-           static_cast<std::size_t>(column);
+    return static_cast<std::size_t>(row) * words_ * WORD + static_cast<std::size_t>(column);
   }
 
   // Puts echoes into the image. It holds the word of occupancy that it is at, since most echoes are
   // beside the one before: no later one waits for that word to come back from memory.
   class Pen {
    public:
-    explicit Pen(RangeImage& image) : image_(image), bits_(image.occupied_[0]) {}
-    ~Pen() { image_.occupied_[at_] = bits_; }
+    explicit Pen(RangeImage& image)
+        : occupied_(image.occupied_.data()),
+          echo_(image.echo_.data()),
+          range_(image.range_.data() + MARGIN),
+          bits_(occupied_[0]) {}
+    ~Pen() { occupied_[at_] = bits_; }
     Pen(const Pen&) = delete;
     Pen& operator=(const Pen&) = delete;
 
     // Keeps the nearest echo of a cell. True if the cell was empty.
-    bool put(int row, int column, float range, const Echo& echo) {
-      move_to(image_.word_index(row, column));
-      const std::size_t cell = image_.cell(row, column);
-      const std::uint64_t bit = std::uint64_t{1} << (static_cast<unsigned>(column) % WORD);
+    bool put(std::size_t cell, float range, const Echo& echo) {
+      if (cell / WORD != at_) {
+        occupied_[at_] = bits_;
+        at_ = cell / WORD;
+        bits_ = occupied_[at_];
+      }
+      const std::uint64_t bit = std::uint64_t{1} << (cell % WORD);
       const bool empty = (bits_ & bit) == 0;
-      if (empty || range < image_.range_[MARGIN + cell]) {
+      if (empty || range < range_[cell]) {
         bits_ |= bit;
-        image_.range_[MARGIN + cell] = range;
-        image_.echo_[cell] = echo;
+        range_[cell] = range;
+        echo_[cell] = echo;
       }
       return empty;
     }
 
    private:
-    void move_to(std::size_t word) {
-      if (word == at_) return;
-      image_.occupied_[at_] = bits_;
-      at_ = word;
-      bits_ = image_.occupied_[word];
-    }
-
-    RangeImage& image_;
+    std::uint64_t* const occupied_;
+    Echo* const echo_;
+    float* const range_;
     std::size_t at_ = 0;
     std::uint64_t bits_;
   };
@@ -79,6 +81,7 @@ class RangeImage {
   // Of all cells; what was not put there in this scan is of no meaning.
   const float* ranges() const { return range_.data() + MARGIN; }
   float range(std::size_t cell) const { return range_[MARGIN + cell]; }
+  const Echo* echoes() const { return echo_.data(); }
   const Echo& echo(std::size_t cell) const { return echo_[cell]; }
 
   // The occupancy of a row, a bit a column, the first column's lowest.
@@ -118,11 +121,9 @@ class RangeImage {
   // The same, for those of one stretch of a row, from the cell `first` to the cell `last`.
   template <class Visit>
   void each_between(std::size_t first, std::size_t last, Visit visit) const {
-    const std::size_t row = first / static_cast<std::size_t>(columns_);
-    const std::size_t begin = row * static_cast<std::size_t>(columns_);
-    for (std::size_t w = (first - begin) / WORD; w <= (last - begin) / WORD; ++w) {
-      const std::size_t at = begin + w * WORD;
-      std::uint64_t bits = occupied_[row * words_ + w];
+    for (std::size_t w = first / WORD; w <= last / WORD; ++w) {
+      const std::size_t at = w * WORD;
+      std::uint64_t bits = occupied_[w];
       if (at < first) bits &= ~std::uint64_t{0} << (first - at);
       if (last - at < WORD - 1) bits &= (std::uint64_t{2} << (last - at)) - 1;
       for (; bits != 0; bits &= bits - 1) {
@@ -140,10 +141,6 @@ class RangeImage {
   }
 
  private:
-  std::size_t word_index(int row, int column) const {
-    return static_cast<std::size_t>(row) * words_ + static_cast<std::size_t>(column) / WORD;
-  }
-
   int rows_, columns_;
   std::size_t words_;
   std::vector<std::uint64_t> occupied_;

@@ -10,33 +10,23 @@
 #include <stdexcept>
 #include <vector>
 
-#include "lanes.hpp"
-
 namespace twinscrew {
 
-// Directions to columns and to bins of elevation, four at a time; -1 where no beam is fired.
+// How directions become columns and bins of elevation.
 struct Bins {
   float first_azimuth, per_step, turn, columns;  // [rad], [1/rad], [columns], [columns]
   float lowest, highest, per_tangent, last;      // [-] tangents, [bins], [bins]
+};
 
-  Int4 column(Float4 x, Float4 y) const {
-    // A column's own azimuth is at its whole number; the image begins half a column before 0.
-    Float4 real = (fast_atan2(y, x) - first_azimuth) * per_step + 0.5F;
-    real = select(real < 0.0F, real + turn, real);
-    real = select(real >= turn, real - turn, real);
-    return whole(real, (real >= 0.0F) & (real < columns));
-  }
+// How bins of elevation become rows.
+struct Rows {
+  const std::int32_t* table;  // of each bin: the row in which the bin before it begins
+  const float* edges;         // of each row: the tangent at which it begins
 
-  Int4 elevation(Float4 tangent) const {
-    const Float4 real = (tangent - lowest) * per_tangent;
-    const Float4 within = select(real < last, real, all(last));
-    return whole(within, (tangent >= lowest) & (tangent < highest));
-  }
-
- private:
-  // Numbers that are not inside, NaN too, are made harmless before the conversion.
-  static Int4 whole(Float4 real, Int4 inside) {
-    return __builtin_convertvector(select(inside, real, all(0.0F)), Int4) | ~inside;
+  // The row of a direction, from its bin (not -1) and the tangent of its elevation.
+  std::size_t of(std::int32_t bin, float tangent) const {
+    const auto row = static_cast<std::size_t>(table[bin]);
+    return row + static_cast<std::size_t>(tangent >= edges[row + 1]);
   }
 };
 
@@ -75,11 +65,7 @@ class Scanner {
 
   const Bins& bins() const { return bins_; }
 
-  // The beam of a direction, from its bin (not -1) and the tangent of its elevation.
-  int row(std::int32_t bin, float tangent) const {
-    const int row = table_[static_cast<std::size_t>(bin)];
-    return row + static_cast<int>(tangent >= edges_[static_cast<std::size_t>(row) + 1]);
-  }
+  Rows to_rows() const { return {table_.data(), edges_.data()}; }
 
  private:
   // Tangents of the elevations half way between beams; the outer beams reach as far outwards.
@@ -130,7 +116,7 @@ class Scanner {
   double first_azimuth_, azimuth_step_;
   Bins bins_{};
   std::vector<float> edges_;
-  std::vector<int> table_;
+  std::vector<std::int32_t> table_;
 };
 
 }  // namespace twinscrew

@@ -30,13 +30,12 @@ struct Criterion {
 // echo on its left, or below it. What is nearest follows from the occupancy alone.
 class Segmentation {
  public:
-  Segmentation(const Scanner& scanner, const Criterion& criterion)
+  Segmentation(const Scanner& scanner, const Criterion& criterion, std::size_t cells)
       : noise_(static_cast<float>(criterion.noise)),
         reach_(std::min(criterion.bridged, RangeImage::MARGIN - 2) + 1),
         along_(static_cast<std::size_t>(scanner.rows() * reach_)),
         across_(along_.size()),
-        label_(static_cast<std::size_t>(scanner.rows()) *
-               static_cast<std::size_t>(scanner.columns())) {
+        label_(cells) {
     const auto& e = scanner.elevations();
     for (int row = 0; row < scanner.rows(); ++row) {
       const auto r = static_cast<std::size_t>(row);

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "circles.hpp"
+#include "patches.hpp"
 #include "range_image.hpp"
 
 namespace twinscrew {
@@ -30,12 +32,12 @@ class Strips {
     row_.reserve(cells);
   }
 
-  // circle_of(cell): the circle of an occupied cell, or -1 if it has none.
-  template <class CircleOf>
-  void operator()(const RangeImage& image, bool wraps, CircleOf circle_of) {
+  // Those of one circle side by side, circles in order.
+  const std::vector<Strip>& operator()(const RangeImage& image, const PatchMap& map,
+                                       const Circles& circles, bool wraps) {
     strips_.clear();
     for (int row = 0; row < image.rows(); ++row) {
-      cut(image, row, circle_of);
+      cut(image, row, map, circles);
       if (wraps) {
         close_seam(image.columns());
       } else {
@@ -44,10 +46,8 @@ class Strips {
       for (const Piece& piece : row_) keep(piece);
     }
     std::sort(strips_.begin(), strips_.end(), before);
+    return strips_;
   }
-
-  // Those of one circle side by side, circles in order.
-  const std::vector<Strip>& strips() const { return strips_; }
 
  private:
   struct End {
@@ -59,16 +59,7 @@ class Strips {
     End first, last;
     double x_sum, y_sum;
     std::int32_t count;
-    bool whole;
-  };
-
-  // What the next echo is compared with, and the sums so far; made for registers.
-  struct Open {
-    float x, y;
-    std::int32_t circle, count;
-    double x_sum, y_sum;
-    std::size_t cell;
-    int column;
+    bool whole, exact;
   };
 
   static float squared(float dx, float dy) { return dx * dx + dy * dy; }
@@ -83,44 +74,47 @@ class Strips {
     return apart <= 2 && a.circle != b.circle && a.range < b.range + rules_.gap;
   }
 
-  // Cuts a row into pieces. An echo that goes on with the one before is only added up.
-  template <class CircleOf>
-  void cut(const RangeImage& image, int row, CircleOf circle_of) {
+  // Joins a row's stretches to pieces of one circle without a break.
+  void cut(const RangeImage& image, int row, const PatchMap& map, const Circles& circles) {
     row_.clear();
-    const float gap2 = rules_.gap * rules_.gap;
-    Open open{};
-    image.each_in_row(row, [&](int column, std::size_t cell) {
+    const std::size_t begin = image.cell(row, 0);
+    const auto end = [&](std::size_t cell, std::int32_t circle) -> End {
       const Echo& echo = image.echo(cell);
-      const std::int32_t circle = circle_of(cell);
-      if (open.count > 0 && circle == open.circle &&
-          squared(echo.x - open.x, echo.y - open.y) < gap2) {
-        open = {echo.x, echo.y, circle, open.count + 1, open.x_sum + echo.x, open.y_sum + echo.y,
-                cell, column};
-        return;
+      return {echo.x, echo.y, image.range(cell), circle, static_cast<int>(cell - begin)};
+    };
+    for (const Stretch& s : map.stretches(row)) {
+      const std::int32_t circle = circles.circle_of(s);
+      if (s.joined && row_.back().last.circle == circle) {
+        Piece& piece = row_.back();
+        piece.last = end(s.last, circle);
+        piece.x_sum += s.x_sum;
+        piece.y_sum += s.y_sum;
+        piece.count += s.count;
+        piece.exact = piece.exact && s.exact;
+        continue;
       }
-      const End here{echo.x, echo.y, image.range(cell), circle, column};
-      const bool whole = open.count == 0 || close(image, open, here);
-      row_.push_back({here, here, 0.0, 0.0, 0, whole});
-      open = {echo.x, echo.y, circle, 1, echo.x, echo.y, cell, column};
+      Piece next{end(s.first, circle), end(s.last, circle), s.x_sum, s.y_sum, s.count, true, s.exact};
+      if (!row_.empty()) {
+        Piece& piece = row_.back();
+        const int apart = next.first.column - piece.last.column;
+        piece.whole = piece.whole && !hides(next.first, piece.last, apart);
+        next.whole = !hides(piece.last, next.first, apart);
+      }
+      row_.push_back(next);
+    }
+    for (Piece& piece : row_) {
+      if (!piece.exact) add_up(image, begin, piece);
+    }
+  }
+
+  // Sums an inexact piece up echo by echo, so that the result does not depend on its stretches.
+  static void add_up(const RangeImage& image, std::size_t begin, Piece& piece) {
+    piece.x_sum = piece.y_sum = 0.0;
+    const auto cell = [&](const End& end) { return begin + static_cast<std::size_t>(end.column); };
+    image.each_between(cell(piece.first), cell(piece.last), [&](std::size_t at) {
+      piece.x_sum += image.echo(at).x;
+      piece.y_sum += image.echo(at).y;
     });
-    if (open.count > 0) end(image, open);
-  }
-
-  // Ends the last piece where `here` begins; tells whether the begin is the next object's own.
-  bool close(const RangeImage& image, const Open& open, const End& here) {
-    end(image, open);
-    Piece& piece = row_.back();
-    const int apart = here.column - piece.last.column;
-    piece.whole = piece.whole && !hides(here, piece.last, apart);
-    return !hides(piece.last, here, apart);
-  }
-
-  void end(const RangeImage& image, const Open& open) {
-    Piece& piece = row_.back();
-    piece.last = {open.x, open.y, image.range(open.cell), open.circle, open.column};
-    piece.x_sum = open.x_sum;
-    piece.y_sum = open.y_sum;
-    piece.count = open.count;
   }
 
   // The last column of a full turn is beside the first.

@@ -16,8 +16,7 @@ import numpy as np
 from msgspec import Meta, structs
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.geometry.frames import flu_to_frd, quaternion_from_euler
-from twinscrew.runtime.geometry.frames import rotation_from_quaternion as rotation
+from twinscrew.runtime.geometry import flu_to_frd, quaternion_from_euler, rotation_from_quaternion
 from twinscrew.runtime.messages.types import Float32, Float64
 from twinscrew.runtime.settings import (
     Fraction,
@@ -52,12 +51,8 @@ class Beams(Settings, frozen=True, kw_only=True):
 
     def elevations(self) -> Float64:
         """Give the elevations, (M,) [rad], lowest first."""
-        listed, count, lowest, highest = (
-            self.elevations_deg,
-            self.count,
-            self.lowest_rad,
-            self.highest_rad,
-        )
+        listed, count = self.elevations_deg, self.count
+        lowest, highest = self.lowest_rad, self.highest_rad
         if listed is None and count is not None and lowest is not None and highest is not None:
             angles = np.linspace(lowest, highest, count)
         elif listed is not None and count is lowest is highest is None:
@@ -205,11 +200,16 @@ class Sensor(Settings, frozen=True, kw_only=True, dict=True):
         return flu_to_frd(np.array([mount.x_m, mount.y_m, mount.z_m]))
 
     @property
-    def R_BS(self) -> Float64:
-        """(3, 3) Turns a vector of S (FRD) into B (FRD)."""
+    def q_BS(self) -> Float64:
+        """(4,) The sensor's attitude on the vessel, a unit quaternion, w first."""
         mount = self._mount()
         # FLU to FRD is half a turn about x: roll stays, pitch and yaw change their sign.
-        return rotation(quaternion_from_euler(mount.roll_rad, -mount.pitch_rad, -mount.yaw_rad))
+        return quaternion_from_euler(mount.roll_rad, -mount.pitch_rad, -mount.yaw_rad)
+
+    @property
+    def R_BS(self) -> Float64:
+        """(3, 3) Turns a vector of S (FRD) into B (FRD)."""
+        return rotation_from_quaternion(self.q_BS)
 
     def _mount(self) -> Mount:
         if self.mount is None:

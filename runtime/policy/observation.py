@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from twinscrew.runtime.errors import PolicyError
-from twinscrew.runtime.geometry.frames import rotation_2d, rotation_from_quaternion
+from twinscrew.runtime.geometry import rotation_2d, rotation_from_quaternion
 from twinscrew.runtime.messages.types import (
     OBSERVED_OBJECTS,
     Float64,

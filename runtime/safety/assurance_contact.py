@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Float64, Odometry, Tracks
 
 

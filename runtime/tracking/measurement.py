@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from twinscrew.runtime import _native
-from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Float64, Objects, Odometry
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
 from twinscrew.runtime.tracking.displacement import Sight

@@ -17,7 +17,7 @@ from twinscrew.runtime.app.controller import Controller
 from twinscrew.runtime.app.core import Core
 from twinscrew.runtime.app.mission import Mission, MissionSettings
 from twinscrew.runtime.app.pipeline import Pipeline
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.link.paddling import STOP
 from twinscrew.runtime.link.wire import Message, Wire
@@ -29,8 +29,8 @@ from twinscrew.runtime.messages.types import (
     Odometry,
     PointCloud,
 )
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
-from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.guard import Guard

@@ -19,11 +19,9 @@ from twinscrew.hil_sim.sitl import SitlSettings, sail
 from twinscrew.hil_sim.sitl_runtimes import DATUM
 from twinscrew.hil_sim.sitl_settings import OdometrySource
 from twinscrew.hil_sim.world import make_world
-from twinscrew.runtime.estimation.estimator import Estimator
-from twinscrew.runtime.estimation.kinematics import ATTITUDE, GYRO_BIAS, POSITION, VELOCITY
-from twinscrew.runtime.estimation.settings import EstimationSettings
-from twinscrew.runtime.geometry.angles import wrap
-from twinscrew.runtime.geometry.frames import euler_from_quaternion, rotation_from_quaternion
+from twinscrew.runtime.estimation.estimator import EstimationSettings, Estimator
+from twinscrew.runtime.estimation.inertial import ATTITUDE, GYRO_BIAS, POSITION, VELOCITY
+from twinscrew.runtime.geometry import euler_from_quaternion, rotation_from_quaternion, wrap
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Fix, Float64
 
@@ -67,7 +65,7 @@ def looks(receiver: ReceiverSettings, late_s: float, seed: int) -> Iterator[tupl
 
 def error(world, navigation, estimator) -> Float64:
     """Give the estimate's error, (15,)."""
-    state, arm_B = world.state, estimator.carriage.imu_B
+    state, arm_B = world.state, estimator.placement.imu_B
     R_NB = rotation_from_quaternion(state.q_NB[0])
     x = np.zeros(15)
     x[POSITION] = state.position_N[0] + R_NB @ arm_B

@@ -18,7 +18,7 @@ from numpy.random import Generator
 from tests.reference.scans import FIRINGS, Scan, Thing, scan
 from typer.testing import CliRunner
 
-from twinscrew.runtime.app.commands.perceive import perceive
+from twinscrew.hil_sim.perceive.command import perceive
 
 FEWEST = 25
 """[-] Of things that show fewer echoes nothing is asked."""

@@ -12,8 +12,8 @@ import numpy as np
 from twinscrew.hil_sim.bench.scenes import basin
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import PointCloud
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
-from twinscrew.runtime.perception.stage import Perception
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 MILLION = 1_000_000

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.rover import Mode, RoverSettings
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.link.signing import EPOCH_S, Signing
 from twinscrew.runtime.messages.types import Odometry

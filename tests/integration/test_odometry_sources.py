@@ -14,7 +14,7 @@ from twinscrew.hil_sim.sitl_settings import AutopilotKind, OdometrySource, SitlS
 from twinscrew.runtime.app.recording import Recording, find_recordings
 from twinscrew.runtime.app.replay import combined_sha256, replay
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.geometry.angles import wrap
+from twinscrew.runtime.geometry import wrap
 from twinscrew.runtime.messages import cdr
 
 HEAD_ON = load_scenario("head_on")

@@ -11,6 +11,7 @@ import pytest
 from tests.harness import street
 from tests.harness.commands import as_json, twinscrew
 from tests.harness.street import CARS, POLES
+from tests.reference.scans import FIRINGS, Thing, scan
 
 
 def kitti_bin(file: Path) -> Path:
@@ -134,3 +135,51 @@ def test_noise_for_a_file_is_read_without_a_word(tmp_path: Path) -> None:
     result = as_json(finished)
     assert result["points"] in (400, 500)  # rows of five or of four
     assert result["surface"] is None
+
+
+def boat_scan(file: Path) -> Path:
+    """A post 8 m ahead of a LiDAR 1.9 m over the water, its own bow 1 m ahead, and water."""
+    made = scan(
+        FIRINGS["vlp16"],
+        [
+            Thing(x=8.0, y=0.0, size=(0.4,), low=0.0, high=3.0, turn=0.0),
+            Thing(x=1.5, y=0.0, size=(0.8, 1.6), low=0.0, high=1.5, turn=0.0),
+        ],
+        np.random.default_rng(0),
+        height=1.9,
+    )
+    np.save(file, made.points)
+    return file
+
+
+def test_the_own_hull_is_masked_where_it_is_given(tmp_path: Path) -> None:
+    file = boat_scan(tmp_path / "a.npy")
+    words = ("perceive", file, "--sensor", "vlp16", "--height-m", 1.9, "--json")
+    seen = as_json(twinscrew(*words))
+    assert len(seen["objects"]) == 2
+    masked = as_json(twinscrew(*words, "--hull-m", -2.0, 2.2, 1.2))
+    assert masked["left_out"]["hull"] > 100
+    (post,) = masked["objects"]
+    assert post["x_m"] == pytest.approx(7.6, abs=0.2)
+
+
+def test_sensor_hull_and_height_follow_from_a_boats_configuration(tmp_path: Path) -> None:
+    file, config = boat_scan(tmp_path / "a.npy"), tmp_path / "boat.toml"
+    config.write_text(
+        'sensor = "vlp16"\n[mount]\nx_m = 0.5\ny_m = 0.0\nz_m = 2.0\n'
+        "[perception.hull]\naft_m = -2.5\nfore_m = 2.7\nhalf_width_m = 1.2\n"
+        "[perception.water]\nsurface_m = 0.1\n"
+    )
+    given = as_json(twinscrew("perceive", file, "--config", config, "--json"))
+    assert given["surface"]["height_m"] == pytest.approx(1.9, abs=0.05)
+    assert given["left_out"]["hull"] > 100
+    assert given["left_out"]["water"] > 100
+    (post,) = given["objects"]
+    assert (post["x_m"], post["y_m"]) == pytest.approx((7.6, 0.0), abs=0.2)
+
+
+def test_without_sensor_and_configuration_it_says_what_is_needed(tmp_path: Path) -> None:
+    done = twinscrew("perceive", boat_scan(tmp_path / "a.npy"))
+    assert done.returncode == 2
+    assert "--sensor" in done.stderr
+    assert "--config" in done.stderr

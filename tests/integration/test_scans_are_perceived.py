@@ -8,10 +8,10 @@ import pytest
 from twinscrew.hil_sim.lidar import LidarSettings
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.world import World, WorldSettings, make_world
-from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Float64
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
-from twinscrew.runtime.perception.stage import Perception
 
 NEAR_M = 18.0
 """[m] Within perception's 20 m with all their points."""

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_2d
+from twinscrew.runtime.geometry import quaternion_from_euler, rotation_2d
 from twinscrew.runtime.messages.types import Float64, Odometry, Tracks
 from twinscrew.runtime.policy.vessel_model import VesselModel, VesselParameters
 from twinscrew.runtime.safety.assurance import Assurance, AssuranceSettings

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from tests.harness.circling import EPOCH_NS, WITH_DATUM
 
 from twinscrew.runtime.estimation.estimator import Estimator
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages.types import Fix, Imu
 
 ODD = st.one_of(st.floats(-3.0, 3.0), st.floats(-1e8, 1e8))

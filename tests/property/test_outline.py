@@ -10,12 +10,10 @@ from tests.reference import free_water as water_reference
 from tests.reference import outline as outline_reference
 
 from twinscrew.runtime._native import FreeWater
-from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_from_quaternion
+from twinscrew.runtime.geometry import quaternion_from_euler, rotation_from_quaternion
 from twinscrew.runtime.messages.types import PointCloud
-from twinscrew.runtime.perception.kernel import SECTOR_RAD
+from twinscrew.runtime.perception.segmentation import SECTOR_RAD, Perception, PerceptionSettings
 from twinscrew.runtime.perception.sensor import Beams, Columns, Mount, Sensor
-from twinscrew.runtime.perception.settings import PerceptionSettings
-from twinscrew.runtime.perception.stage import Perception
 
 OPEN = PerceptionSettings(hull=None, water=None, min_points=2)
 MOUNTS = [

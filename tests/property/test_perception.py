@@ -5,13 +5,14 @@ import math
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 from tests.reference import segmentation as reference
 
 from twinscrew.hil_sim.bench.numpy_segmentation import labels as numpy_labels
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages.types import PointCloud
+from twinscrew.runtime.perception.segmentation import Perception, PerceptionSettings, make_kernel
 from twinscrew.runtime.perception.sensor import Beams, Columns, Mount, Sensor
-from twinscrew.runtime.perception.settings import PerceptionSettings
-from twinscrew.runtime.perception.stage import Perception
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 ALL_ROUND = Sensor(
@@ -207,3 +208,39 @@ def test_odd_numbers_are_counted_and_give_finite_objects(
     assert np.isfinite(objects.p_B).all()
     assert np.isfinite(objects.radius).all()
     assert objects.points.sum() == r.used
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    sensor=st.sampled_from([ALL_ROUND, UNEVEN]),
+    takes_time=st.booleans(),
+    has_times=st.booleans(),
+)
+def test_eight_lanes_give_the_same_bits_as_four(
+    seed: int, sensor: Sensor, takes_time: bool, has_times: bool
+) -> None:
+    rng = np.random.default_rng(seed)
+    points = points_of(blocks(rng, sensor, 8), sensor)[: rng.integers(0, 1500)]
+    spoilt = np.array([0.0, -0.0, np.nan, np.inf, -np.inf, 1e-30, 3e38, 5.0], np.float32)
+    at = rng.random(points.shape) < 0.05
+    points[at] = rng.choice(spoilt, int(at.sum()))
+    count = len(points)
+    intensity = rng.uniform(0.0, 20.0, count).astype(np.float32)
+    time = rng.choice(np.array([0.0, 0.05, -0.02, np.nan, 1e9], np.float32), count)
+    one = structs.replace(
+        sensor, scan_duration_s=0.1 if takes_time else 0.0, weak_intensity=10.0, gives_misses=False
+    )
+    q_NB = quaternion_from_euler(*rng.uniform(-0.3, 0.3, 3))
+    rates, velocity = rng.normal(0.0, 1.0, (2, 3))
+    answers = []
+    for wide in (False, True):
+        kernel = make_kernel(one, PerceptionSettings(min_points=1), wide=wide)
+        scan = (points, intensity, time if has_times else None, q_NB, rates, velocity)
+        counts, found = kernel.scan(*scan)
+        arrays = (*found, kernel.range_image(), kernel.point_image(), kernel.object_image())
+        answers.append(
+            [getattr(counts, name) for name in ("hull", "water", "no_beam", "hidden", "used")]
+            + [array.tobytes() for array in arrays]
+        )
+    assert answers[0] == answers[1]

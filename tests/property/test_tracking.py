@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.reference.measurement import depth
 
-from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Objects
 from twinscrew.runtime.tracking.measurement import MeasurementSettings
 from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings

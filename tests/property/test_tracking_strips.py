@@ -9,11 +9,10 @@ from hypothesis import strategies as st
 from tests.reference import shift as shift_reference
 from tests.reference import strips as strips_reference
 
-from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import PointCloud
+from twinscrew.runtime.perception.segmentation import Perception, PerceptionSettings
 from twinscrew.runtime.perception.sensor import Beams, Columns, Mount, Sensor
-from twinscrew.runtime.perception.settings import PerceptionSettings
-from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.tracking.displacement import Displacement, DisplacementSettings, Sight
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Float64, Objects, Outline
 from twinscrew.runtime.tracking.measurement import Stand
 from twinscrew.runtime.tracking.standing import Standing, StandingSettings

@@ -4,7 +4,7 @@ from tests.harness.boat import cloud
 from tests.harness.boat import odometry as at_rest
 
 from twinscrew.runtime.app.freshness import Freshness
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages.types import Odometry
 
 SEEN = [(5.0, 1.0, 0.2), (6.0, -2.0, 0.1)]

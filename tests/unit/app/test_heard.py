@@ -10,7 +10,7 @@ from twinscrew.runtime.app import heard
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.finding import Verdict
 from twinscrew.runtime.app.heard import Heard
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Odometry
 

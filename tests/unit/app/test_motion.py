@@ -7,7 +7,7 @@ import pytest
 
 from twinscrew.runtime.app.finding import Verdict
 from twinscrew.runtime.app.motion import judge_motion, motion_of
-from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_from_quaternion
+from twinscrew.runtime.geometry import quaternion_from_euler, rotation_from_quaternion
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Odometry
 

@@ -9,7 +9,7 @@ from twinscrew.runtime.app.odometry_buffer import (
     Arrival,
     OdometryBuffer,
 )
-from twinscrew.runtime.geometry.frames import euler_from_quaternion, quaternion_from_euler
+from twinscrew.runtime.geometry import euler_from_quaternion, quaternion_from_euler
 from twinscrew.runtime.messages.types import Odometry
 
 SECOND = 1_000_000_000

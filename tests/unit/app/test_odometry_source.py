@@ -24,8 +24,8 @@ from twinscrew.runtime.app.odometry_source import (
     AutopilotOdometry,
 )
 from twinscrew.runtime.app.session import inputs_of
+from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.estimation.inertial import InertialFilter
-from twinscrew.runtime.estimation.settings import EstimationSettings
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.link.datum import EARTH_RADIUS_M, Datum
 from twinscrew.runtime.messages import cdr

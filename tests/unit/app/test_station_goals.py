@@ -7,7 +7,7 @@ from tests.harness.boat import Boat, odometry, stamp
 
 from twinscrew.runtime.app.ground import GroundReport
 from twinscrew.runtime.app.ground_desk import GroundDesk
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.link.orders import OrderSettings
 from twinscrew.runtime.link.stations import Stations
 from twinscrew.runtime.link.wire import Wire

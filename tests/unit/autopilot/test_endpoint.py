@@ -10,7 +10,7 @@ from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotS
 from twinscrew.hil_sim.autopilot.rover import RoverSettings
 from twinscrew.hil_sim.autopilot.telemetry import TELLERS, Origin
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.link.wire import Wire
 from twinscrew.runtime.messages.types import Odometry
 

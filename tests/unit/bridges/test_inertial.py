@@ -6,7 +6,7 @@ import pytest
 from twinscrew.hil_sim.bridges.inertial import GRAVITY_MPS2, Moment, moment, motion_between
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.world import make_world
-from twinscrew.runtime.geometry.frames import (
+from twinscrew.runtime.geometry import (
     quaternion_from_euler,
     quaternion_product,
     rotation_from_quaternion,

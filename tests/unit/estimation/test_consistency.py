@@ -13,16 +13,14 @@ from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sensors.navigation import Navigation
 from twinscrew.hil_sim.sitl_runtimes import DATUM
 from twinscrew.hil_sim.world import make_world
-from twinscrew.runtime.estimation.estimator import Estimator
-from twinscrew.runtime.estimation.kinematics import ATTITUDE, GYRO_BIAS, POSITION, VELOCITY
-from twinscrew.runtime.estimation.sensors import Carriage, SensorSettings
-from twinscrew.runtime.estimation.settings import EstimationSettings
-from twinscrew.runtime.geometry.angles import wrap
-from twinscrew.runtime.geometry.frames import euler_from_quaternion, rotation_from_quaternion
+from twinscrew.runtime.estimation.estimator import EstimationSettings, Estimator
+from twinscrew.runtime.estimation.inertial import ATTITUDE, GYRO_BIAS, POSITION, VELOCITY
+from twinscrew.runtime.estimation.sensors import SensorPlacement, SensorSettings
+from twinscrew.runtime.geometry import euler_from_quaternion, rotation_from_quaternion, wrap
 from twinscrew.runtime.messages import cdr
 
 RUNS, SAIL_S, LOOK_S = 12, 9.0, 3.0
-IMU_B = Carriage(SensorSettings()).imu_B
+IMU_B = SensorPlacement(SensorSettings()).imu_B
 HORIZONTAL = [0, 1]
 
 

@@ -9,11 +9,10 @@ from tests.harness.circling import DATUM, EPOCH_NS, EXACT_GPS, FRAME, Circling, 
 from twinscrew.hil_sim.sensors.imu import ImuSettings
 from twinscrew.hil_sim.sensors.receiver import ReceiverSettings
 
-from twinscrew.runtime.estimation.events import KINDS
-from twinscrew.runtime.estimation.sensors import AntennaSettings, SensorSettings
-from twinscrew.runtime.estimation.settings import EstimationSettings
+from twinscrew.runtime.estimation.estimator import KINDS, EstimationSettings, odometry
+from twinscrew.runtime.estimation.sensors import AntennaSettings, ImuSample, SensorSettings
 from twinscrew.runtime.estimation.wgs84 import Place
-from twinscrew.runtime.geometry.frames import euler_from_quaternion
+from twinscrew.runtime.geometry import euler_from_quaternion
 from twinscrew.runtime.perception.sensor import Mount
 
 NOISY_GPS = ReceiverSettings()
@@ -225,3 +224,18 @@ def test_a_better_receiver_counts_for_more():
 
 def test_names_of_events_are_used_once():
     assert len({kind.name for kind in KINDS}) == len(KINDS)
+
+
+def test_the_arm_to_the_imu_and_the_gyroscopes_bias_are_taken_away():
+    rates_B = np.array([0.0, 0.0, 0.5])
+    sample = ImuSample(7, rates_B, np.array([0.0, 0.0, -9.81]), None, None, None, None)
+    x = np.zeros(15)
+    x[:3], x[6:9] = (10.0, 20.0, 0.0), (0.0, 0.0, np.pi / 2)
+    x[3:6] = (-0.1, 2.0, 0.0)  # the unit swings to the south as the bow turns to starboard
+    x[9:12] = (0.0, 0.0, 0.3)
+    given = odometry(sample, x, np.array([0.5, 0.0, -1.0]))
+    assert given.stamp_ns == 7
+    np.testing.assert_allclose(given.position_N, [10.0, 19.5, 1.0], atol=1e-12)
+    np.testing.assert_allclose(given.velocity_B, [2.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(given.rates_B, [0.0, 0.0, 0.2])
+    np.testing.assert_allclose(given.q_NB, [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])

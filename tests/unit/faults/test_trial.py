@@ -8,7 +8,7 @@ from twinscrew.hil_sim.drivers.processes import FIFO, is_punctual, ordinary, pun
 from twinscrew.hil_sim.faults.plan import load_plan
 from twinscrew.hil_sim.faults.trial import groups
 from twinscrew.hil_sim.faults.waters import BUOY_ASIDE_M, LANE_M, lanes
-from twinscrew.runtime.perception.settings import PerceptionSettings
+from twinscrew.runtime.perception.segmentation import PerceptionSettings
 
 
 def test_what_concerns_the_machine_is_tried_alone_and_the_rest_together() -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from twinscrew.hil_sim.odometry import OdometrySettings, measure
 from twinscrew.hil_sim.vessel.state import VesselState
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 
 STATE = VesselState(
     position_N=np.array([[1.0, 2.0, 0.1], [30.0, 40.0, 0.2]]),

@@ -6,9 +6,9 @@ import numpy as np
 
 from twinscrew.hil_sim.bench.perception_picture import draw_harbour, draw_open
 from twinscrew.hil_sim.bench.scenes import open_water
-from twinscrew.runtime.perception.picture import draw
+from twinscrew.hil_sim.perceive.picture import draw
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
-from twinscrew.runtime.perception.stage import Perception
 
 PNG = b"\x89PNG\r\n\x1a\n"
 MARK = np.array([[5.0, -3.0, 1.0, 0.5, 2.8]])

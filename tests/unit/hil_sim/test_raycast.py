@@ -14,7 +14,7 @@ import pytest
 from twinscrew.hil_sim._native import Caster
 from twinscrew.hil_sim.bodies import ABSENT, Bodies
 from twinscrew.hil_sim.shapes import BOX, CYLINDER, Shape, boxes_shape, load_shape
-from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_from_quaternion
+from twinscrew.runtime.geometry import quaternion_from_euler, rotation_from_quaternion
 from twinscrew.runtime.perception.sensor import Sensor, load_sensor
 from twinscrew.runtime.settings import convert
 

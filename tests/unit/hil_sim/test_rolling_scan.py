@@ -11,8 +11,8 @@ from twinscrew.hil_sim.bodies import Bodies
 from twinscrew.hil_sim.lidar import Lidar, LidarSettings, Scan
 from twinscrew.hil_sim.shapes import Shape, load_shape
 from twinscrew.runtime.messages.types import Float64
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
-from twinscrew.runtime.perception.stage import Perception
 
 NOW = 1_000_000_000
 PLACE = np.array([12.0, -5.0])

@@ -9,7 +9,7 @@ from twinscrew.hil_sim.bodies import ABSENT
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
 from twinscrew.hil_sim.vessel.state import VesselState
-from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_from_quaternion
+from twinscrew.runtime.geometry import quaternion_from_euler, rotation_from_quaternion
 
 ATTITUDES = np.array(
     [quaternion_from_euler(0.1, -0.2, 2.5), quaternion_from_euler(-0.3, 0.4, -1.0)]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from twinscrew.runtime.errors import MessageError
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Imu
 

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages.definitions import type_store
 from twinscrew.runtime.messages.transforms import (
     TRANSFORMS_TYPE,

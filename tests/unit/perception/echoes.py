@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from twinscrew.runtime.geometry.frames import rotation_from_quaternion
+from twinscrew.runtime.geometry import rotation_from_quaternion
 from twinscrew.runtime.messages.types import PointCloud
 from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
 

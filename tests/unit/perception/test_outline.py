@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from tests.unit.perception.echoes import LEVEL, cloud, post, sensor, wall
 
-from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_from_quaternion
+from twinscrew.runtime.geometry import quaternion_from_euler, rotation_from_quaternion
 from twinscrew.runtime.messages.types import Objects, Outline
-from twinscrew.runtime.perception.kernel import SECTOR_RAD, columns_a_sector
+from twinscrew.runtime.perception.segmentation import (
+    SECTOR_RAD,
+    Perception,
+    PerceptionSettings,
+    columns_a_sector,
+)
 from twinscrew.runtime.perception.sensor import Beams, Columns, Sensor
-from twinscrew.runtime.perception.settings import PerceptionSettings
-from twinscrew.runtime.perception.stage import Perception
 
 SENSORS = ["vrx16", "vrx32", "vlp16", "hdl32e", "os1_64"]
 

@@ -5,10 +5,9 @@ import pytest
 from tests.unit.perception.echoes import LEVEL, cloud, post, sensor, wall
 
 from twinscrew.runtime.errors import ConfigError, MessageError
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
+from twinscrew.runtime.perception.segmentation import Perception, PerceptionSettings, WaterSettings
 from twinscrew.runtime.perception.sensor import load_sensor
-from twinscrew.runtime.perception.settings import PerceptionSettings, WaterSettings
-from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.settings import convert
 
 

@@ -5,7 +5,7 @@ Of radii they see 0.8, as in the training environment.
 
 import numpy as np
 
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages.types import Goal, Observation, Odometry, Tracks
 from twinscrew.runtime.policy.observation import observe
 from twinscrew.runtime.policy.vessel_model import VesselModel

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages.types import Goal, Odometry, Tracks
 from twinscrew.runtime.policy.observation import ObservationSettings, observe
 

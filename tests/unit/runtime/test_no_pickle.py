@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from twinscrew.hil_sim.perceive.files import read_npy
 from twinscrew.runtime.errors import ConfigError, MessageError
-from twinscrew.runtime.perception.files import read_npy
 
 ROOT = Path(__file__).parents[3]
 SOURCES = [

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages.types import Float64, HealthEvent, Odometry, Severity, Tracks
 from twinscrew.runtime.safety.assurance import Assurance, AssuranceSettings
 from twinscrew.runtime.safety.guard import ThrustLimits

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from tests.reference.assurance import gaps
 
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages.types import Odometry, Tracks
 from twinscrew.runtime.safety.assurance_contact import (
     NO_CONTACT,

@@ -9,8 +9,8 @@ from twinscrew.runtime.app.mission import Mission, MissionSettings
 from twinscrew.runtime.app.pipeline import Pipeline
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.messages.types import Decision, Odometry
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
-from twinscrew.runtime.perception.stage import Perception
 from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.safety.assurance import Assurance, AssuranceSettings
 from twinscrew.runtime.safety.guard import Guard

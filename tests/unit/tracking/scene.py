@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from twinscrew.runtime.geometry.frames import quaternion_from_euler, rotation_2d
+from twinscrew.runtime.geometry import quaternion_from_euler, rotation_2d
 from twinscrew.runtime.messages.types import Objects, Odometry
 
 SECOND = 1_000_000_000

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.tracking.displacement import Displacement, DisplacementSettings, Sight
 
 SECOND = 1_000_000_000

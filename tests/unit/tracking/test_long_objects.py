@@ -10,9 +10,9 @@ import pytest
 from tests.reference.flat_world import Eye, look, scans, ship, wall
 from tests.unit.perception import echoes
 
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages.types import Objects, Outline
-from twinscrew.runtime.perception.stage import Perception
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.tracking.tracker import Tracker
 
 _spec = importlib.util.spec_from_file_location("scene", Path(__file__).with_name("scene.py"))

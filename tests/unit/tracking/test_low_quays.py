@@ -8,8 +8,8 @@ import pytest
 from tests.reference.flat_world import scans, stand
 from tests.unit.perception import echoes
 
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
-from twinscrew.runtime.perception.stage import Perception
+from twinscrew.runtime.geometry import quaternion_from_euler
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.tracking.standing import Standing, StandingSettings
 
 SENSORS = ["vrx16", "vrx32", "vlp16", "hdl32e", "os1_64"]

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Strips
 from twinscrew.runtime.tracking.measurement import MeasurementSettings
 from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings

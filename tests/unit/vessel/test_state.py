@@ -4,7 +4,7 @@ import numpy as np
 from tests.reference.sailing import euler
 
 from twinscrew.hil_sim.vessel.state import VesselState, level_quaternion
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 
 
 def test_level_quaternions_have_heading_and_pitch_but_no_roll():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twinscrew.hil_sim.viewer.vessel import EVENTS, FRESH_S, SHOWN, Vessel
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.types import (

@@ -9,7 +9,7 @@ import numpy as np
 
 from twinscrew.runtime.errors import TwinscrewError
 from twinscrew.runtime.messages.types import Float64, Objects, PointCloud
-from twinscrew.runtime.perception.stage import Perception
+from twinscrew.runtime.perception.segmentation import Perception
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

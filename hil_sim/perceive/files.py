@@ -1,4 +1,8 @@
-"""Point cloud files of others: KITTI and nuScenes .bin, PCD, npy; axes x forward, y left, z up."""
+"""Point cloud files of others: KITTI and nuScenes .bin, PCD, npy; axes x forward, y left, z up.
+
+PCD files are read here and not by pypcd4, which refuses headers without COUNT or POINTS lines and
+takes files that end early.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +16,6 @@ from numpy.typing import NDArray
 
 from twinscrew.runtime.errors import MessageError, one_of
 from twinscrew.runtime.messages.types import Float32
-from twinscrew.runtime.perception.lzf import decompress
 
 RINGS = 256
 """[-] No LiDAR has more beams: tells nuScenes's ring column from anything else."""
@@ -232,3 +235,51 @@ PCD_BODIES: dict[str, Callable[[bytes, np.dtype[Any], int], NDArray[Any]]] = {
     "binary": _binary,
     "binary_compressed": _compressed,
 }
+
+
+# LZF decompression, for PCD's binary_compressed. A control byte below 32 is followed by one byte
+# more than it says, to be copied. Any other repeats output: its upper 3 bits are the length less 2
+# (7: the next byte is added), its lower 5 bits and one more byte the distance back less 1.
+
+LITERAL = 32
+
+
+def decompress(data: bytes, size: int) -> bytes:
+    """Give the `size` bytes that `data` holds.
+
+    Raises
+    ------
+    MessageError
+        The data end early, reach back before their beginning, or hold another number of bytes.
+    """
+    out, at = bytearray(), 0
+    try:
+        while at < len(data) and len(out) <= size:
+            control = data[at]
+            at += 1
+            if control < LITERAL:
+                out += data[at : at + control + 1]
+                at += control + 1
+                continue
+            length = control >> 5
+            if length == 7:
+                length += data[at]
+                at += 1
+            start = len(out) - ((control & 31) << 8) - data[at] - 1
+            at += 1
+            _copy(out, start, length + 2)
+    except IndexError as error:
+        raise MessageError("LZF: the data end early") from error
+    if len(out) != size or at > len(data):
+        raise MessageError(f"LZF: {len(out)} bytes, not {size}")
+    return bytes(out)
+
+
+def _copy(out: bytearray, start: int, length: int) -> None:
+    """Repeat what was written from `start`; the copy may overlap itself."""
+    if start < 0:
+        raise MessageError("LZF: a copy from before the beginning")
+    while length > 0:
+        piece = out[start : start + length]
+        out += piece
+        length -= len(piece)

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twinscrew.runtime.geometry.angles import wrap
-from twinscrew.runtime.geometry.frames import (
+from twinscrew.runtime.geometry import (
     attitude_enu_flu_to_ned_frd,
     attitude_ned_frd_to_enu_flu,
     enu_to_ned,
@@ -17,6 +16,7 @@ from twinscrew.runtime.geometry.frames import (
     quaternion_product,
     rotation_2d,
     rotation_from_quaternion,
+    wrap,
 )
 
 angles = st.floats(-math.pi, math.pi)

@@ -3,9 +3,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from twinscrew.hil_sim.perceive.files import decompress, read_cloud
 from twinscrew.runtime.errors import MessageError
-from twinscrew.runtime.perception.files import read_cloud
-from twinscrew.runtime.perception.lzf import decompress
 
 XYZ = np.array([[1.5, -2.0, 0.25], [3.0, 4.0, -5.0], [7.0, 8.0, 9.0], [0.5, 0.5, 0.5]], np.float32)
 FIELDS = "FIELDS x y z intensity\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\nWIDTH 4\nHEIGHT 1\n"

@@ -1,4 +1,7 @@
-"""Frames: N is local north-east-down, B the vessel's forward-starboard-down, S the sensor's.
+"""Frames and angles.
+
+N is local north-east-down; B the vessel's forward-starboard-down, and L the same levelled: its x
+and y axes lie in the horizontal plane; S is the sensor's forward-starboard-down.
 
 `X_NB` is the pose of B in N; `p_NB` a position of B in N; `R_NB` turns a vector of B into N.
 A product is right when the inner letters meet. ENU and FLU exist at the ROS boundary only: the
@@ -11,13 +14,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-HALF_SQRT2 = math.sqrt(0.5)
+Angle = TypeVar("Angle", float, Array)
 
 
 def rotation_2d(heading: float) -> Array:
@@ -101,7 +105,7 @@ def flu_to_frd(v: Array) -> Array:
     return flipped
 
 
-_Q_NED_ENU = (0.0, HALF_SQRT2, HALF_SQRT2, 0.0)
+_Q_NED_ENU = (0.0, math.sqrt(0.5), math.sqrt(0.5), 0.0)
 _Q_FLU_FRD = (0.0, 1.0, 0.0, 0.0)
 _EAST_NORTH = np.array([1, 0, 2])
 _DOWN = np.array([1.0, 1.0, -1.0])
@@ -117,3 +121,8 @@ def attitude_enu_flu_to_ned_frd(q: Array) -> Array:
 def attitude_ned_frd_to_enu_flu(q_NB: Array) -> Array:
     """Turn the attitude of FRD in NED, (w, x, y, z), into that of FLU in ENU (w >= 0)."""
     return attitude_enu_flu_to_ned_frd(q_NB)
+
+
+def wrap(angle: Angle) -> Angle:
+    """Wrap an angle, or an array of angles, to [-pi, pi)."""
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi

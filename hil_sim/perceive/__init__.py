@@ -1,0 +1,1 @@
+"""`twinscrew perceive`: point cloud files from elsewhere, segmented on a desk."""

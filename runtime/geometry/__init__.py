@@ -1,1 +1,0 @@
-"""Angles, poses and frames: pure functions."""
