@@ -11,10 +11,9 @@ from collections import Counter, deque
 from collections.abc import Iterator
 
 import numpy as np
-from twinscrew.hil_sim.sensors.receiver import ReceiverSettings
 
 from twinscrew.hil_sim.scenario import load_scenario
-from twinscrew.hil_sim.sensors.navigation import Navigation, NavigationSettings
+from twinscrew.hil_sim.sensors.navigation import Navigation, NavigationSettings, ReceiverSettings
 from twinscrew.hil_sim.sitl import SitlSettings, sail
 from twinscrew.hil_sim.sitl_runtimes import DATUM
 from twinscrew.hil_sim.sitl_settings import OdometrySource

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as with_settings
 from tests.harness.circling import DATUM, EPOCH_NS, EXACT_GPS, FRAME, Circling, truth
-from twinscrew.hil_sim.sensors.imu import ImuSettings
-from twinscrew.hil_sim.sensors.receiver import ReceiverSettings
 
+from twinscrew.hil_sim.sensors.navigation import ImuSettings, ReceiverSettings
 from twinscrew.runtime.estimation.estimator import KINDS, EstimationSettings, odometry
 from twinscrew.runtime.estimation.sensors import AntennaSettings, ImuSample, SensorSettings
 from twinscrew.runtime.estimation.wgs84 import Place
