@@ -105,7 +105,7 @@ Given<T> column_of(const std::vector<Row>& rows, Value value) {
 nb::tuple objects(MountedKernel& kernel) {
   const std::vector<Circle>* circles = nullptr;
   const std::vector<Strip>* strips = nullptr;
-  const std::vector<Sight>* outline = nullptr;
+  const std::vector<BoundaryPoint>* outline = nullptr;
   {
     const nb::gil_scoped_release release;
     circles = &kernel.objects();
@@ -125,8 +125,8 @@ nb::tuple objects(MountedKernel& kernel) {
       *out++ = s.x, *out++ = s.y, *out++ = s.length, *out++ = static_cast<double>(s.count);
     }
   });
-  auto ends = make_array<double>({outline->size(), 2}, [&](double* out) {
-    for (const Sight& sight : *outline) *out++ = sight.x, *out++ = sight.y;
+  auto boundary = make_array<double>({outline->size(), 2}, [&](double* out) {
+    for (const BoundaryPoint& point : *outline) *out++ = point.x, *out++ = point.y;
   });
   const Transform& X_LS = kernel.X_LS();
   auto origin = make_array<double>({3}, [&](double* out) { std::ranges::copy(X_LS.t, out); });
@@ -137,8 +137,9 @@ nb::tuple objects(MountedKernel& kernel) {
       centres, column_of<double>(*circles, [](const Circle& c) { return c.radius; }),
       column_of<std::int64_t>(*circles, [](const Circle& c) { return c.count; }),
       column_of<std::int64_t>(*circles, [](const Circle& c) { return c.cut_from; }), begins, rows,
-      origin, down, ends, column_of<double>(*outline, [](const Sight& s) { return s.height; }),
-      column_of<std::int64_t>(*outline, [](const Sight& s) { return s.seen; }));
+      origin, down, boundary,
+      column_of<double>(*outline, [](const BoundaryPoint& p) { return p.height; }),
+      column_of<std::int64_t>(*outline, [](const BoundaryPoint& p) { return p.seen; }));
 }
 
 // An image of what `value(cell)` gives, and of `empty` where there is no echo.
@@ -246,7 +247,7 @@ void bind_kernel(nb::module_& m) {
            })
       .def("labels",
            [](const MountedKernel& k) {
-             return image_of<std::int32_t>(k, -1, [&](std::size_t c) { return k.labels()[c]; });
+             return image_of<std::int32_t>(k, -1, [&](std::size_t c) { return k.label(c); });
            })
       .def("object_image", [](const MountedKernel& k) {
         return image_of<std::int32_t>(k, -1, [&](std::size_t c) { return k.circle_of(c); });

@@ -44,7 +44,7 @@ class Kernel {
   std::int32_t segment() { return components_ = segmentation_(image_, scanner_.wraps()); }
 
   const std::vector<Circle>& objects() {
-    patches_(image_, segmentation_.labels(), components_);
+    patches_(image_, segmentation_, components_);
     groups_(patches_);
     for (int pass = 0; pass < PASSES && footprints_(groups_, patches_); ++pass) groups_(patches_);
     circles_(image_, patches_, groups_);
@@ -56,8 +56,8 @@ class Kernel {
     return strips_(image_, patches_, circles_, scanner_.wraps());
   }
 
-  // Where each sector's sight ends, and of which cut object `objects` found pieces there.
-  const std::vector<Sight>& outline() {
+  // The boundary of the free water, with the cut object, if any, whose piece `objects` found there.
+  const std::vector<BoundaryPoint>& outline() {
     return outline_(image_, X_LS_, [&](std::size_t cell) {
       const std::int32_t circle = circle_of(cell);
       return circle < 0 ? -1 : circles_.circles()[static_cast<std::size_t>(circle)].cut_from;
@@ -69,7 +69,7 @@ class Kernel {
 
   std::size_t circles() const { return circles_.circles().size(); }
   const RangeImage& image() const { return image_; }
-  const std::vector<std::int32_t>& labels() const { return segmentation_.labels(); }
+  std::int32_t label(std::size_t cell) const { return segmentation_.label(cell); }
   std::int32_t circle_of(std::size_t cell) const { return circles_.circle_of(patches_, cell); }
 
  private:

@@ -43,6 +43,14 @@ inline Double2 load2(const double* from) {
   return v;
 }
 
+inline Double2 first_two(Float4 v) {
+#if defined(__SSE2__)
+  return reinterpret_cast<Double2>(_mm_cvtps_pd(reinterpret_cast<__m128>(v)));
+#else
+  return Double2{v[0], v[1]};
+#endif
+}
+
 inline Double2 both(double value) { return Double2{value, value}; }
 
 inline Double2 select(Long2 condition, Double2 yes, Double2 no) { return condition ? yes : no; }

@@ -1,4 +1,4 @@
-// The outline: how far each sector's sight goes, whatever the row. Up to there the water is free.
+// The outline: the boundary of the free water, one point for each sector of azimuth.
 #pragma once
 
 #include <algorithm>
@@ -17,10 +17,10 @@
 
 namespace twinscrew {
 
-struct Sight {
-  double x, y;        // [m] levelled frame B: the nearest echo, or the end of what is looked at
+struct BoundaryPoint {
+  double x, y;        // [m] levelled frame L: the nearest echo, or a point at the greatest range
   double height;      // [m] of the echo, up from the vessel's origin; NaN where there is none
-  std::int32_t seen;  // what `whose` says of the echo's cell, -1 where there is none
+  std::int32_t seen;  // what `object_of` gives for the echo's cell; -1 where there is no echo
 };
 
 class Outline {
@@ -37,28 +37,28 @@ class Outline {
       const double azimuth = scanner.azimuth(0.5 * (first + end_of(first) - 1));
       rays_.push_back({std::cos(azimuth), std::sin(azimuth)});
     }
-    sights_.resize(rays_.size());
+    boundary_.resize(rays_.size());
   }
 
-  // X_LS: from the sensor to the levelled frame B.
-  template <class Whose>
-  const std::vector<Sight>& operator()(const RangeImage& image, const Transform& X_LS,
-                                       Whose whose) {
+  // X_LS: from the sensor to the levelled frame L.
+  template <class ObjectOf>
+  const std::vector<BoundaryPoint>& operator()(const RangeImage& image, const Transform& X_LS,
+                                               ObjectOf object_of) {
     find_nearest(image);
     std::size_t i = 0;
     for (int first = 0; first < columns_; first += sector_, ++i) {
       const auto begin = range_.begin() + first;
       const auto nearest = std::min_element(begin, range_.begin() + end_of(first));
       if (*nearest == NOTHING) {
-        sights_[i] = end(rays_[i], X_LS);
+        boundary_[i] = end(rays_[i], X_LS);
       } else {
         const auto column = static_cast<int>(nearest - range_.begin());
         const std::size_t cell = image.cell(row_[static_cast<std::size_t>(column)], column);
         const double height = height_of(row_[static_cast<std::size_t>(column)], i, *nearest, X_LS);
-        sights_[i] = {image.echo(cell).x, image.echo(cell).y, height, whose(cell)};
+        boundary_[i] = {image.echo(cell).x, image.echo(cell).y, height, object_of(cell)};
       }
     }
-    return sights_;
+    return boundary_;
   }
 
  private:
@@ -97,7 +97,7 @@ class Outline {
     }
   }
 
-  Sight end(const Ray& ray, const Transform& X_LS) const {
+  BoundaryPoint end(const Ray& ray, const Transform& X_LS) const {
     const double x = X_LS.R[0] * ray.x + X_LS.R[1] * ray.y;
     const double y = X_LS.R[3] * ray.x + X_LS.R[4] * ray.y;
     const double scale = reach_ / std::hypot(x, y);
@@ -119,7 +119,7 @@ class Outline {
   std::vector<float> range_;       // [m] of each column's nearest echo
   std::vector<std::int32_t> row_;  // and where it is
   std::vector<Ray> rays_;
-  std::vector<Sight> sights_;
+  std::vector<BoundaryPoint> boundary_;
 };
 
 }  // namespace twinscrew

@@ -12,6 +12,7 @@
 #include "lanes.hpp"
 #include "plane.hpp"
 #include "range_image.hpp"
+#include "segmentation.hpp"
 #include "union_find.hpp"
 
 namespace twinscrew {
@@ -83,12 +84,12 @@ class PatchMap {
     at_.resize(at_.size() + static_cast<std::size_t>(far * (plane.side + 1)), NONE);
   }
 
-  // Unites the fragments, `labels` in 0 .. components - 1, that are one object.
-  void operator()(const RangeImage& image, const std::vector<std::int32_t>& labels,
+  // Unites the fragments, `components` many, that are one object.
+  void operator()(const RangeImage& image, const Segmentation& segmentation,
                   std::int32_t components) {
     clear();
     for (std::int32_t i = 0; i < components; ++i) fragments_.add();
-    gather(image, labels);
+    gather(image, segmentation);
     for (const Patch& patch : patches_) unite_around(patch);
   }
 
@@ -144,13 +145,14 @@ class PatchMap {
 
   // Cuts the rows into stretches, and adds each to its patch. What an echo is added to are variables
   // that nothing else refers to, so that they stay in registers.
-  void gather(const RangeImage& image, const std::vector<std::int32_t>& labels) {
-    const std::int32_t* const label = labels.data();
+  void gather(const RangeImage& image, const Segmentation& segmentation) {
+    const std::int32_t* const label = segmentation.labels().data();
     const Echo* const echoes = image.echoes();
     std::int32_t* const patch_of = patch_of_.data();
     Float4 bounds{};
     Double2 places{}, places_before{};
     std::int32_t count = 0, count_before = 0, fragment = NONE, square = NONE, patch = NONE;
+    std::int32_t here_label = NONE;
     for (int row = 0; row < image.rows(); ++row) {
       row_begin_.push_back(stretches_.size());
       std::size_t first = image.cell(row, std::max(image.first_in_row(row), 0)), last = first;
@@ -159,12 +161,16 @@ class PatchMap {
       count_before = count;
       const std::uint64_t* const words = image.row_words(row);
       for (std::size_t w = 0; w < image.words(); ++w) {
+        if (words[w] == 0) continue;
         const std::size_t begin = image.cell(row, 0) + w * RangeImage::WORD;
+        const std::uint64_t starts = segmentation.starts()[begin / RangeImage::WORD];
+        std::int32_t run = segmentation.first_run()[begin / RangeImage::WORD] - 1;
         for (std::uint64_t bits = words[w]; bits != 0; bits &= bits - 1) {
+          if ((starts & bits & -bits) != 0) here_label = label[++run];
           const std::size_t cell = begin + static_cast<std::size_t>(std::countr_zero(bits));
           const Float4 echo = load(&echoes[cell].x), here = mirrored(echo);
-          const Double2 place{echo[0], echo[1]};
-          if (echoes[cell].square == square && label[cell] == fragment) {
+          const Double2 place = first_two(echo);
+          if (echoes[cell].square == square && here_label == fragment) {
             bounds = lesser(here, bounds);
             places += place;
             ++count;
@@ -182,7 +188,7 @@ class PatchMap {
             count = 1;
             count_before = 0;
             square = echoes[cell].square;
-            fragment = label[cell];
+            fragment = here_label;
             patch = number_at(square);
             first = cell;
           }
@@ -198,11 +204,10 @@ class PatchMap {
     row_begin_.push_back(stretches_.size());
   }
 
-  // x, y, -x, -y of an echo's x, y, ...
   static Float4 mirrored(Float4 echo) {
     const Int4 twice = reinterpret_cast<Int4>(__builtin_shufflevector(echo, echo, 0, 1, 0, 1));
     constexpr std::int32_t sign = std::numeric_limits<std::int32_t>::min();
-    return reinterpret_cast<Float4>(twice ^ Int4{0, 0, sign, sign});
+    return reinterpret_cast<Float4>(twice ^ Int4{0, 0, sign, sign});  // x, y, -x, -y
   }
 
   // Notes the stretch that ends.
@@ -226,7 +231,8 @@ class PatchMap {
   // a row goes: no sum is rounded, whatever its order.
   static bool is_exact(const Float4& b) {
     constexpr float least = 1.0F / 64.0F;
-    return (b[0] > least || b[2] > least) && (b[1] > least || b[3] > least);
+    const unsigned beyond = bits(b > least);  // no branch: it would be guessed wrongly
+    return ((beyond | beyond >> 2) & 3U) == 3U;
   }
 
   // Splits a stretch where echoes side by side are far apart.

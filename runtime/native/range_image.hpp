@@ -7,7 +7,7 @@
 
 namespace twinscrew {
 
-// Where a cell's echo is in the levelled frame B, and the number of its point.
+// Where a cell's echo is in the levelled frame L, and the number of its point.
 struct Echo {
   float x, y;           // [m] forward, starboard of the vessel's origin
   std::int32_t square;  // of the horizontal plane

@@ -34,8 +34,7 @@ class Segmentation {
       : noise_(static_cast<float>(criterion.noise)),
         reach_(std::min(criterion.bridged, RangeImage::MARGIN - 2) + 1),
         along_(static_cast<std::size_t>(scanner.rows() * reach_)),
-        across_(along_.size()),
-        label_(cells) {
+        across_(along_.size()) {
     const auto& e = scanner.elevations();
     for (int row = 0; row < scanner.rows(); ++row) {
       const auto r = static_cast<std::size_t>(row);
@@ -48,11 +47,12 @@ class Segmentation {
         across_[index(row, gap)] = k(angle, criterion.theta);
       }
     }
-    runs_.reserve(label_.size());
-    compact_.reserve(label_.size());
+    runs_.reserve(cells);
+    compact_.reserve(cells);
   }
 
-  // Gives every occupied cell a label, 0, 1, .. in order of a component's first cell.
+  // Gives every run, and so every occupied cell, a label, 0, 1, .. in order of a component's first
+  // cell; and their number.
   std::int32_t operator()(const RangeImage& image, bool wraps) {
     runs_.clear();
     starts_.resize(static_cast<std::size_t>(image.rows()) * image.words());
@@ -62,12 +62,19 @@ class Segmentation {
       for (int gap = 1; gap <= std::min(reach_, row); ++gap) unite_with(image, row, gap);
       if (wraps) close(image, row);
     }
-    const std::int32_t components = number_components();
-    write_labels(image);
-    return components;
+    return number_components();
   }
 
-  const std::vector<std::int32_t>& labels() const { return label_; }
+  // Of each word of the image: the columns where runs start, and the number of its first start.
+  const std::vector<std::uint64_t>& starts() const { return starts_; }
+  const std::vector<std::int32_t>& first_run() const { return first_run_; }
+  // Of each run.
+  const std::vector<std::int32_t>& labels() const { return compact_; }
+  // Of an occupied cell.
+  std::int32_t label(std::size_t cell) const {
+    const auto at = static_cast<int>(cell % RangeImage::WORD);
+    return compact_[static_cast<std::size_t>(run(cell / RangeImage::WORD, at))];
+  }
 
  private:
   using Word = std::uint64_t;
@@ -187,39 +194,12 @@ class Segmentation {
     return components;
   }
 
-  // All cells from a run's first up to the next run's get its label; only occupied ones are read.
-  void write_labels(const RangeImage& image) {
-    for (int row = 0; row < image.rows(); ++row) {
-      const Word* const occupied = image.row_words(row);
-      for (std::size_t w = 0; w < image.words(); ++w) {
-        if (occupied[w] == 0) continue;
-        const std::size_t at = static_cast<std::size_t>(row) * image.words() + w;
-        std::int32_t* const labels = &label_[image.cell(row, 0) + w * RangeImage::WORD];
-        std::int32_t run = first_run_[at] - 1;  // the one that reaches into this word, if any does
-        std::ptrdiff_t from = 0;
-        for (Word starts = starts_[at]; starts != 0; starts &= starts - 1) {
-          const std::ptrdiff_t to = std::countr_zero(starts);
-          if (to > from) std::fill(labels + from, labels + to, label_of(run));
-          ++run;
-          from = to;
-        }
-        const std::ptrdiff_t end = RangeImage::WORD - std::countl_zero(occupied[w]);
-        std::fill(labels + from, labels + end, label_of(run));
-      }
-    }
-  }
-
-  std::int32_t label_of(std::int32_t run) const {
-    return run < 0 ? NONE : compact_[static_cast<std::size_t>(run)];
-  }
-
   float noise_;
   int reach_;
   std::vector<float> along_, across_;    // k, one for each row and gap
   std::vector<Word> starts_;             // of each word of the image: where runs start
   std::vector<std::int32_t> first_run_;  // of each word: the number of its first start
-  std::vector<std::int32_t> label_;
-  std::vector<std::int32_t> compact_;
+  std::vector<std::int32_t> compact_;    // of each run: its component
   UnionFind runs_;
 };
 

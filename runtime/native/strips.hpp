@@ -15,7 +15,7 @@ namespace twinscrew {
 struct Strip {
   std::int32_t circle;  // the object's
   std::int32_t count;   // [-] echoes
-  double x, y;          // [m] their mean, levelled frame B
+  double x, y;          // [m] their mean, levelled frame L
   double length;        // [m] from the first to the last
 };
 

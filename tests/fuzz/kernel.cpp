@@ -60,7 +60,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   // Cut objects are numbered, and seen where there is an echo.
   std::int32_t last = -1;
   for (const Circle& circle : k.objects()) last = std::max(last, circle.cut_from);
-  for (const Sight& sight : k.outline()) {
+  for (const BoundaryPoint& sight : k.outline()) {
     if (sight.seen < -1 || sight.seen > last) __builtin_trap();
   }
   return 0;
