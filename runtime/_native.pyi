@@ -70,7 +70,7 @@ Found = tuple[
     NDArray[np.float64],  # (S, 4) strips: x, y, length, echoes
     NDArray[np.float64],  # (3,) the sensor
     NDArray[np.float64],  # (3,) its z axis
-    NDArray[np.float64],  # (A, 2) where each sector's sight ends
+    NDArray[np.float64],  # (A, 2) the boundary of the free water
     NDArray[np.float64],  # (A,) heights of the echoes there, NaN without
     NDArray[np.int64],  # (A,) of what cut object they are, or -1
 ]

@@ -25,7 +25,7 @@ Angle = TypeVar("Angle", float, Array)
 
 
 def rotation_2d(heading: float) -> Array:
-    """Give R_NB, (2, 2), of a heading [rad, clockwise from north as seen from above]."""
+    """Give R_NL, (2, 2), of a heading [rad, clockwise from north as seen from above]."""
     c, s = math.cos(heading), math.sin(heading)
     return np.array([[c, -s], [s, c]])
 

@@ -81,10 +81,10 @@ def _moving(bodies: Bodies) -> Bodies:
 
 def _offsets(truth: Objects, raw: Objects, clean: Objects) -> tuple[Float64, Float64]:
     """Give how far raw and clean objects are from those of the truth that all three show."""
-    pairs = [(_nearest(p, raw), _nearest(p, clean)) for p in truth.p_B]
+    pairs = [(_nearest(p, raw), _nearest(p, clean)) for p in truth.p_L]
     near = np.array([pair for pair in pairs if max(pair) < MATCH_M]).reshape(-1, 2)
     return near[:, 0], near[:, 1]
 
 
-def _nearest(p_B: Float64, objects: Objects) -> float:
-    return float(np.hypot(*(objects.p_B - p_B).T).min(initial=np.inf))
+def _nearest(p_L: Float64, objects: Objects) -> float:
+    return float(np.hypot(*(objects.p_L - p_L).T).min(initial=np.inf))

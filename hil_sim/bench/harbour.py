@@ -75,7 +75,7 @@ def run() -> dict[str, Any]:
 def _score(tracker: Tracker, sight: Sight, bodies: list[Body], score: HarbourScore) -> None:
     """Give a scan to a tracker, and what it reports of what is seen in it to the score."""
     tracks = tracker.step(sight.objects, sight.odometry)
-    objects_N, seen = Stand.of(sight.odometry).in_N(sight.objects.p_B), tracks.age_s == 0.0
+    objects_N, seen = Stand.of(sight.odometry).in_N(sight.objects.p_L), tracks.age_s == 0.0
     for p_N, v_N in zip(tracks.p_N[seen], tracks.v_N[seen], strict=True):
         body = sight.body[int(np.hypot(*(objects_N - p_N).T).argmin())]
         if body > OWN:

@@ -65,5 +65,5 @@ def draw_harbour(file: Path, seed: int = HARBOUR) -> None:
 
 def _seen_from(odometry: Odometry, p_N: Float64, v_N: Float64, radius: Float64) -> Float64:
     """Give places, velocities over ground and radii, (K, 5), in the vessel's axes."""
-    R_NB = rotation_2d(odometry.heading)
-    return np.column_stack([(p_N - odometry.position_N[:2]) @ R_NB, v_N @ R_NB, radius])
+    R_NL = rotation_2d(odometry.heading)
+    return np.column_stack([(p_N - odometry.position_N[:2]) @ R_NL, v_N @ R_NL, radius])

@@ -67,7 +67,7 @@ def score(perception: Perception, scene: Scene, scan: Scan, objects: Objects) ->
         if truth.found:
             claimed[best] = True
     pieces = own[:-1][scene.bodies.shape >= QUAY].sum(axis=0) >= PURITY
-    holding = np.hypot(*objects.p_B.T) < objects.radius
+    holding = np.hypot(*objects.p_L.T) < objects.radius
     return Score(
         truths=truths,
         circles=len(claimed),
@@ -107,13 +107,13 @@ def _judge(
     scene: Scene, objects: Objects, shares: Float64, purities: Float64, number: int
 ) -> tuple[Truth, int]:
     """Judge one true object by its share in each circle and its purity there."""
-    p_B = body_frame(scene, number)
+    p_L = body_frame(scene, number)
     best = int(np.argmax(shares)) if len(shares) else -1
     found = best >= 0 and bool(shares[best] >= SHARE and purities[best] >= PURITY)
-    off = float(np.hypot(*(objects.p_B[best] - p_B))) if found else np.nan
+    off = float(np.hypot(*(objects.p_L[best] - p_L))) if found else np.nan
     true_radius = RADII[int(scene.bodies.shape[number])]
     truth = Truth(
-        distance=float(np.hypot(*p_B)),
+        distance=float(np.hypot(*p_L)),
         found=found,
         split=int(np.sum(shares >= FRAGMENT)) > 1,
         merged=best >= 0 and bool(shares[best] > 0.0 and purities[best] < PURITY),

@@ -28,7 +28,7 @@ class DifferenceQuotient:
 
     def step(self, objects: Objects, odometry: Odometry) -> tuple[Float64, Float64]:
         """Give centroids and velocities, both (K, 2) [m, m/s], frame N; NaN where none is known."""
-        p_N = objects.p_B @ rotation_2d(odometry.heading).T + odometry.position_N[:2]
+        p_N = objects.p_L @ rotation_2d(odometry.heading).T + odometry.position_N[:2]
         dt = (objects.stamp_ns - self._stamp_ns) / NANOSECONDS_PER_SECOND
         v_N = np.full_like(p_N, np.nan)
         if len(self._p_N):

@@ -129,7 +129,7 @@ class TruePerception(Perception):
         c, s = np.cos(heading), np.sin(heading)
         return Objects(
             stamp_ns=cloud.stamp_ns,
-            p_B=around.p_N @ np.array([[c, -s], [s, c]]),
+            p_L=around.p_N @ np.array([[c, -s], [s, c]]),
             radius=around.radius,
             points=np.full(len(around.radius), POINTS, dtype=np.int64),
         )

@@ -176,7 +176,7 @@ def _as_dict(chosen: Chosen, objects: Objects, time_ms: float, notes: list[str])
                 "radius_m": round(float(radius), 3),
                 "points": int(count),
             }
-            for p, radius, count in zip(objects.p_B, objects.radius, objects.points, strict=True)
+            for p, radius, count in zip(objects.p_L, objects.radius, objects.points, strict=True)
         ],
         "points": report.points,
         "used_points": report.used,

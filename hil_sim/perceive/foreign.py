@@ -98,12 +98,12 @@ def objects_S(perception: Perception, cloud: PointCloud, q_NS: Float64 | None) -
     number = perception.object_image()
     cells = number >= 0
     p, number = cloud.points_S[perception.point_image()[cells], :2].astype(float), number[cells]
-    sums = [np.bincount(number, p[:, axis], len(objects.p_B)) for axis in (0, 1)]
+    sums = [np.bincount(number, p[:, axis], len(objects.p_L)) for axis in (0, 1)]
     centre = np.stack(sums, axis=1) / objects.points[:, None]
     away = np.hypot(*(p - centre[number]).T)
     radius = np.zeros(len(centre))
     np.maximum.at(radius, number, away)
-    return replace(objects, p_B=centre, radius=radius, strips=None)
+    return replace(objects, p_L=centre, radius=radius, strips=None)
 
 
 def attitude_of_vessel(sensor: Sensor, q_NS: Float64 | None) -> Float64:

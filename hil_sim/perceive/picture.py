@@ -102,8 +102,8 @@ def _draw_circles(
     tracks: Float64 | None,
 ) -> None:
     """Draw objects, tracks and truth; those that move have an arrow."""
-    still = np.zeros((len(objects.p_B), 2))
-    seen = np.column_stack([objects.p_B, still, objects.radius])
+    still = np.zeros((len(objects.p_L), 2))
+    seen = np.column_stack([objects.p_L, still, objects.radius])
     _draw_moving(axes, seen, "objects", "black", "-")
     if tracks is not None:
         _draw_moving(axes, tracks, "tracks", "tab:blue", "-")

@@ -34,7 +34,7 @@ def track_views(tracks: Tracks, position_N: Float64, velocity_N: Float64) -> tup
 
 def object_views(objects: Objects, odometry: Odometry) -> tuple[Circle, ...]:
     """Give what perception found: north, east, radius [m]."""
-    p_N = odometry.position_N[:2] + objects.p_B @ rotation_2d(odometry.heading).T
+    p_N = odometry.position_N[:2] + objects.p_L @ rotation_2d(odometry.heading).T
     rows = np.column_stack([p_N, objects.radius]).round(2)
     return tuple((north, east, radius) for north, east, radius in rows.tolist())
 

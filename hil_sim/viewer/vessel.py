@@ -123,9 +123,9 @@ class Vessel:
         if self._state == "unknown":  # the policy is asked only while it drives
             self._state = "active"
         if self._odometry is not None:
-            goal_B = decision.observation.ego[:2].astype(np.float64)
+            goal_L = decision.observation.ego[:2].astype(np.float64)
             heading = self._odometry.heading
-            self._goal = self._odometry.position_N[:2] + rotation_2d(heading) @ goal_B
+            self._goal = self._odometry.position_N[:2] + rotation_2d(heading) @ goal_L
 
     def _hear(self, payload: bytes, time_s: float) -> None:
         for event in cdr.decode_diagnostics(payload):

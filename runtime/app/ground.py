@@ -94,7 +94,7 @@ class GroundReport:
         if _is_due(self._obstacles_s, settings.obstacles_hz, now_s):
             self._obstacles_s = now_s
             objects, range_m = decision.objects, self._range_m
-            distances = sector_distances_cm(objects.p_B, objects.radius, range_m)
+            distances = sector_distances_cm(objects.p_L, objects.radius, range_m)
             messages.append(obstacle_distance(distances, range_m, now_s))
         if self._datum is not None and _is_due(self._vessels_s, settings.vessels_hz, now_s):
             self._vessels_s = now_s

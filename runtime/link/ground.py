@@ -24,12 +24,12 @@ GREATEST_M = 655.0
 _NAME_LENGTH = 10
 
 
-def sector_distances_cm(p_B: Float64, radius: Float64, range_m: float) -> NDArray[np.uint16]:
+def sector_distances_cm(p_L: Float64, radius: Float64, range_m: float) -> NDArray[np.uint16]:
     """Give the distance to the nearest surface in each sector.
 
     Parameters
     ----------
-    p_B : (K, 2) float64
+    p_L : (K, 2) float64
         Circles' centres [m]: forward, starboard.
     radius : (K,) float64
         Their radii [m].
@@ -45,8 +45,8 @@ def sector_distances_cm(p_B: Float64, radius: Float64, range_m: float) -> NDArra
     free_cm = round(100.0 * min(range_m, GREATEST_M)) + 1
     if not len(radius):
         return np.full(SECTORS, free_cm, dtype=np.uint16)
-    distance = np.hypot(p_B[:, 0], p_B[:, 1])[:, None]
-    bearing = np.arctan2(p_B[:, 1], p_B[:, 0])[:, None]
+    distance = np.hypot(p_L[:, 0], p_L[:, 1])[:, None]
+    bearing = np.arctan2(p_L[:, 1], p_L[:, 0])[:, None]
     middle = SECTOR_RAD * np.arange(SECTORS)
     off = np.abs((bearing - middle + math.pi) % (2.0 * math.pi) - math.pi)
     off = np.maximum(0.0, off - SECTOR_RAD / 2.0)  # from the sector's nearer edge

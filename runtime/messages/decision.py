@@ -91,7 +91,7 @@ def _read_observation(reader: Reader) -> Observation:
 
 def _write_objects(writer: Writer, objects: Objects) -> None:
     write_stamp(writer, objects.stamp_ns)
-    writer.array(objects.p_B, np.float64)
+    writer.array(objects.p_L, np.float64)
     writer.array(objects.radius, np.float64)
     writer.array(objects.points, np.int64)
 
@@ -99,11 +99,11 @@ def _write_objects(writer: Writer, objects: Objects) -> None:
 def _read_objects(reader: Reader) -> Objects:
     objects = Objects(
         stamp_ns=read_stamp(reader),
-        p_B=reader.array(np.float64, (2,)),
+        p_L=reader.array(np.float64, (2,)),
         radius=reader.array(np.float64),
         points=reader.array(np.int64),
     )
-    _check_lengths(reader, "objects", (objects.p_B, objects.radius, objects.points))
+    _check_lengths(reader, "objects", (objects.p_L, objects.radius, objects.points))
     return objects
 
 

@@ -34,7 +34,7 @@ def encode_object_markers(objects: Objects, *, frame_id: str = VESSEL_FRAME) -> 
     """Write the objects as cylinders in the vessel's frame; its roll and pitch are left out."""
     markers = _Markers(objects.stamp_ns, frame_id, 1 + len(objects.radius))
     for index, ((x, y), radius) in enumerate(
-        zip(objects.p_B.tolist(), objects.radius.tolist(), strict=True)
+        zip(objects.p_L.tolist(), objects.radius.tolist(), strict=True)
     ):
         size = (2 * radius, 2 * radius, _HEIGHT)
         markers.add("objects", index, _CYLINDER, (x, -y), 0.0, size, _AMBER)

@@ -128,8 +128,8 @@ class Strips:
 
     begin: NDArray[np.int64]
     """[-] (K + 1,) Object k has the rows from begin[k] up to begin[k + 1]."""
-    rows_B: Float64
-    """[m, -] [B, levelled] (S, 4) Mean of the echoes, forward and starboard of the vessel's origin;
+    rows_L: Float64
+    """[m, -] [L] (S, 4) Mean of the echoes, forward and starboard of the vessel's origin;
     length from the first to the last; number."""
 
 
@@ -142,9 +142,9 @@ class Outline:
     beams, so that the beams belong to it.
     """
 
-    sights_B: Float64
-    """[m] [B, levelled] (A, 2) Where each sector's sight ends: at its nearest echo, or at the
-    farthest that is looked at. Clockwise."""
+    boundary_L: Float64
+    """[m] [L] (A, 2) A point for each sector, clockwise: its nearest echo, or a point at
+    the greatest range."""
     height_m: Float64
     """[m] (A,) Height of those echoes over the vessel's origin, up; NaN where there is none."""
     seen: NDArray[np.int64]
@@ -156,10 +156,10 @@ class Outline:
     """[rad] Width of a sector."""
     is_closed: bool
     """True if the sectors are a full turn."""
-    sensor_B: Float64
-    """[m] [B, levelled] (3,) Where the sights begin."""
-    down_B: Float64
-    """[-] [B, levelled] (3,) The sensor's z axis."""
+    sensor_L: Float64
+    """[m] [L] (3,) The sensor."""
+    down_L: Float64
+    """[-] [L] (3,) The sensor's z axis."""
     elevation_rad: Float64
     """[rad] (M,) Of the beams from the sensor's own level, rising, upwards."""
     least_m: float
@@ -172,8 +172,8 @@ class Objects:
 
     stamp_ns: int
     """[ns] The scan's stamp."""
-    p_B: Float64
-    """[m] [B, levelled] (K, 2) Centres: forward, starboard of the vessel's origin."""
+    p_L: Float64
+    """[m] [L] (K, 2) Centres: forward, starboard of the vessel's origin."""
     radius: Float64
     """[m] (K,) Largest horizontal distance of the object's points from its centre."""
     points: NDArray[np.int64]

@@ -214,24 +214,34 @@ class Perception:
             raise MessageError(str(error)) from error
 
     def _objects(self, stamp_ns: int, found: tuple[Any, ...]) -> Objects:
-        p_B, radius, points, cut_from, begin, rows_B, sensor_B, down_B, sights_B, height_m, seen = (
-            found
-        )
+        (
+            p_L,
+            radius,
+            points,
+            cut_from,
+            begin,
+            rows_L,
+            sensor_L,
+            down_L,
+            boundary_L,
+            height_m,
+            seen,
+        ) = found
         outline = Outline(
-            sights_B=sights_B,
+            boundary_L=boundary_L,
             height_m=height_m,
             seen=seen,
             cut_from=cut_from,
-            sensor_B=sensor_B,
-            down_B=down_B,
+            sensor_L=sensor_L,
+            down_L=down_L,
             **self._outline,
         )
         return Objects(
             stamp_ns=stamp_ns,
-            p_B=p_B,
+            p_L=p_L,
             radius=radius,
             points=points,
-            strips=Strips(begin=begin, rows_B=rows_B),
+            strips=Strips(begin=begin, rows_L=rows_L),
             outline=outline,
         )
 

@@ -1,6 +1,6 @@
 """What a policy sees: the ego state and the nearest objects in the vessel's levelled frame.
 
-Frame B is levelled here: x forward and y starboard in the horizontal plane, turned by the heading
+Frame L is B levelled: x forward and y starboard in the horizontal plane, turned by the heading
 alone, so that roll and pitch in the waves do not shift what is 15 m away.
 """
 
@@ -64,19 +64,19 @@ def observe(
         Paper, eqs. (2) and (3): nearest objects first by the distance between the hulls' surfaces,
         equal distances in the order of the tracks; zeros and mask 0 where there is none.
     """
-    R_NB = rotation_2d(odometry.heading)
+    R_NL = rotation_2d(odometry.heading)
     ego = np.empty(7, dtype=np.float32)
-    ego[:2] = _within(goal.position_N - odometry.position_N[:2], settings.goal_range_m) @ R_NB
+    ego[:2] = _within(goal.position_N - odometry.position_N[:2], settings.goal_range_m) @ R_NL
     ego[2:5] = levelled_twist(odometry)
     ego[5:] = thrust
     objects = np.zeros((OBSERVED_OBJECTS, 5), dtype=np.float32)
     mask = np.zeros(OBSERVED_OBJECTS, dtype=np.float32)
     if tracks.id.size:
-        p_B = (tracks.p_N - odometry.position_N[:2]) @ R_NB
-        nearest = nearest_objects(p_B, tracks.radius, settings)
+        p_L = (tracks.p_N - odometry.position_N[:2]) @ R_NL
+        nearest = nearest_objects(p_L, tracks.radius, settings)
         count = nearest.size
-        objects[:count, :2] = p_B[nearest]
-        objects[:count, 2:4] = tracks.v_N[nearest] @ R_NB
+        objects[:count, :2] = p_L[nearest]
+        objects[:count, 2:4] = tracks.v_N[nearest] @ R_NL
         objects[:count, 4] = tracks.radius[nearest]
         mask[:count] = 1.0
     return Observation(ego=ego, objects=objects, mask=mask)
@@ -100,20 +100,20 @@ def levelled_twist(odometry: Odometry) -> Float64:
 
 
 def nearest_objects(
-    p_B: Float64, radius: Float64, settings: ObservationSettings = DEFAULTS
+    p_L: Float64, radius: Float64, settings: ObservationSettings = DEFAULTS
 ) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
     """Give the indices of the objects to see, nearest surface first, at most `OBSERVED_OBJECTS`.
 
     Parameters
     ----------
-    p_B : (K, 2) float64
-        Centres [m], levelled frame B.
+    p_L : (K, 2) float64
+        Centres [m], levelled frame L.
     radius : (K,) float64
         Radii [m].
     settings
         Range and own radius.
     """
-    surface = np.hypot(p_B[:, 0], p_B[:, 1]) - radius - settings.own_radius_m
+    surface = np.hypot(p_L[:, 0], p_L[:, 1]) - radius - settings.own_radius_m
     order = np.argsort(surface, kind="stable")
     seen = surface[order] + settings.own_radius_m <= settings.perception_range_m
     return order[seen][:OBSERVED_OBJECTS]

@@ -13,12 +13,12 @@ from twinscrew.runtime.messages.types import Float64, Odometry, Tracks
 
 @dataclass(frozen=True, slots=True)
 class Circles:
-    """What is around the vessel, going straight on, in its present levelled frame B."""
+    """What is around the vessel, going straight on, in its present levelled frame L."""
 
     id: tuple[int, ...]
-    p_B: Float64
+    p_L: Float64
     """[m] (K, 2)"""
-    v_B: Float64
+    v_L: Float64
     """[m/s] (K, 2) Over ground."""
     radius: Float64
     """[m] (K,)"""
@@ -77,11 +77,11 @@ def surroundings(
     gap = np.hypot(offset_N[:, 0], offset_N[:, 1]) - radius - reach_m
     horizon = np.where(speed > 0.0, horizon_s[1], horizon_s[0])
     near = np.flatnonzero(gap < speed * horizon)
-    R_NB = rotation_2d(odometry.heading)
+    R_NL = rotation_2d(odometry.heading)
     return Circles(
         id=tuple(tracks.id[near].tolist()),
-        p_B=offset_N[near] @ R_NB,
-        v_B=np.where(speed[near, None] > 0.0, tracks.v_N[near], 0.0) @ R_NB,
+        p_L=offset_N[near] @ R_NL,
+        v_L=np.where(speed[near, None] > 0.0, tracks.v_N[near], 0.0) @ R_NL,
         radius=radius[near],
         horizon_s=horizon[near],
     )

@@ -68,7 +68,7 @@ class DisturbanceObserver:
         Parameters
         ----------
         stamp_ns, motion, heading
-            How the vessel moves [levelled frame B] and lies [rad] at a time.
+            How the vessel moves [levelled frame L] and lies [rad] at a time.
         thrust
             What the propellers gave since the last step.
 

@@ -88,14 +88,14 @@ class Foresight:
         down to nothing at the track's horizon: until then there is time to decide again.
         """
         c = circles
-        return _contact(self._kernel.contact(path, c.p_B, c.v_B, c.radius, c.horizon_s), c)
+        return _contact(self._kernel.contact(path, c.p_L, c.v_L, c.radius, c.horizon_s), c)
 
     def judge(
         self, motion: Motion, thrust: Thrust, law: Law, circles: Circles, push: Push = STILL
     ) -> Contact:
         """Sail a manoeuvre and judge where it leads: `path` and `contact` in one."""
         c = circles
-        found = self._kernel.judge(motion, thrust, law, push, c.p_B, c.v_B, c.radius, c.horizon_s)
+        found = self._kernel.judge(motion, thrust, law, push, c.p_L, c.v_L, c.radius, c.horizon_s)
         return _contact(found, c)
 
 

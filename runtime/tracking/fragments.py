@@ -17,7 +17,7 @@ from twinscrew.runtime.messages.types import Float64, Objects, Strips
 
 
 def join_fragments(
-    objects: Objects, stands: Sequence[bool | None], p_B: Float64, radius: Float64
+    objects: Objects, stands: Sequence[bool | None], p_L: Float64, radius: Float64
 ) -> tuple[Objects, Sequence[bool | None]]:
     """Replace objects within the circle of one track by one object.
 
@@ -27,8 +27,8 @@ def join_fragments(
         As perception found them.
     stands : (M,)
         Of each, see `standing.Standing.pieces`: pieces of what stands remain apart.
-    p_B : (K, 2) float64
-        Where the tracks are expected [m], levelled frame B.
+    p_L : (K, 2) float64
+        Where the tracks are expected [m], levelled frame L.
     radius : (K,) float64
         Radii of their circles [m].
 
@@ -40,9 +40,9 @@ def join_fragments(
     stands
         Of those: of what was joined nothing is known.
     """
-    if not crowded(objects.p_B, p_B, radius):
+    if not crowded(objects.p_L, p_L, radius):
         return objects, stands
-    offset = objects.p_B[None, :, :] - p_B[:, None, :]
+    offset = objects.p_L[None, :, :] - p_L[:, None, :]
     within = np.hypot(offset[..., 0], offset[..., 1]) <= radius[:, None]
     alone = np.array([stand is True for stand in stands])
     groups, free = [], ~alone
@@ -53,11 +53,11 @@ def join_fragments(
             free[pieces] = False
     rows = [_joined(objects, pieces) for pieces in groups]
     kept = np.flatnonzero(free | alone)
-    rows += [(*objects.p_B[i], objects.radius[i], objects.points[i]) for i in kept]
+    rows += [(*objects.p_L[i], objects.radius[i], objects.points[i]) for i in kept]
     table = np.array(rows, dtype=np.float64).reshape(-1, 4)
     joined = Objects(
         stamp_ns=objects.stamp_ns,
-        p_B=table[:, :2],
+        p_L=table[:, :2],
         radius=table[:, 2],
         points=table[:, 3].astype(np.int64),
         strips=_regrouped(objects.strips, [*groups, *kept.reshape(-1, 1)]),
@@ -74,13 +74,13 @@ def _regrouped(strips: Strips | None, groups: Sequence[NDArray[np.intp]]) -> Str
     counts = [int((end[members] - begin[members]).sum()) for members in groups]
     return Strips(
         begin=np.concatenate([[0], np.cumsum(counts, dtype=np.int64)]),
-        rows_B=strips.rows_B[np.concatenate(rows)],
+        rows_L=strips.rows_L[np.concatenate(rows)],
     )
 
 
 def _joined(objects: Objects, pieces: NDArray[np.intp]) -> tuple[float, float, float, float]:
     """Give x, y, radius and points of pieces put together."""
-    p, points = objects.p_B[pieces], objects.points[pieces]
+    p, points = objects.p_L[pieces], objects.points[pieces]
     centre = points @ p / points.sum()
     away = np.hypot(p[:, 0] - centre[0], p[:, 1] - centre[1])
     reach = float((away + objects.radius[pieces]).max())

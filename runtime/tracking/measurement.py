@@ -97,26 +97,26 @@ class Stand(NamedTuple):
 
     p_N: Float64
     """[m] [N] (2,) The vessel's place."""
-    R_NB: Float64
-    """(2, 2) Turns a vector of the levelled frame B into N."""
+    R_NL: Float64
+    """(2, 2) Turns a vector of the levelled frame L into N."""
 
     @classmethod
     def of(cls, odometry: Odometry) -> Stand:
         """Take it from the vessel's state at the scan's stamp."""
         return cls(odometry.position_N[:2], rotation_2d(odometry.heading))
 
-    def in_N(self, places_B: Float64) -> Float64:
-        """Give places, (K, 2) [m], of the levelled frame B in N."""
-        return places_B @ self.R_NB.T + self.p_N
+    def in_N(self, places_L: Float64) -> Float64:
+        """Give places, (K, 2) [m], of the levelled frame L in N."""
+        return places_L @ self.R_NL.T + self.p_N
 
-    def in_B(self, places_N: Float64) -> Float64:
-        """Give places, (K, 2) [m], of N in the levelled frame B."""
-        return (places_N - self.p_N) @ self.R_NB
+    def in_L(self, places_N: Float64) -> Float64:
+        """Give places, (K, 2) [m], of N in the levelled frame L."""
+        return (places_N - self.p_N) @ self.R_NL
 
     @property
     def is_known(self) -> bool:
         """False if a number of it is none."""
-        (north, east), ahead = self.p_N.tolist(), float(self.R_NB[0, 0])
+        (north, east), ahead = self.p_N.tolist(), float(self.R_NL[0, 0])
         return math.isfinite(north + east + ahead)
 
 
@@ -157,9 +157,9 @@ class Centroids:
         stands
             Of each object, see `standing.Standing.pieces`; by default nothing is known.
         """
-        (cosine, _), (sine, _) = own.R_NB.tolist()
+        (cosine, _), (sine, _) = own.R_NL.tolist()
         z_N, H, R, radius, gate, kept = self._model.measured(
-            objects.p_B, objects.radius, objects.points, (*own.p_N.tolist(), cosine, sine)
+            objects.p_L, objects.radius, objects.points, (*own.p_N.tolist(), cosine, sine)
         )
         return Measurements(z_N, H, R, radius, gate, _sights(objects, own, stands, kept))
 
@@ -197,7 +197,7 @@ def _sights(
     stands = stands or [None] * len(objects.radius)
     if strips is None:
         return [Sight(stamp_ns, NO_STRIPS, stands[k]) for k in kept]
-    rows_N = strips.rows_B.copy()
-    rows_N[:, :2] = own.in_N(strips.rows_B[:, :2])
+    rows_N = strips.rows_L.copy()
+    rows_N[:, :2] = own.in_N(strips.rows_L[:, :2])
     begin = strips.begin.tolist()
     return [Sight(stamp_ns, rows_N[begin[k] : begin[k + 1]], stands[k]) for k in kept]

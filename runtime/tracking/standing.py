@@ -79,28 +79,28 @@ class Look:
         """The echoes of long objects."""
         outline = self.outline
         is_long = outline.seen >= 0
-        p_N = self._own.in_N(outline.sights_B[is_long])
+        p_N = self._own.in_N(outline.boundary_L[is_long])
         return Echoes(p_N, outline.height_m[is_long], outline.seen[is_long])
 
     def ask(self, echoes: Echoes) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
         """Tell what is known of the places of another scan's echoes, and who takes them, (L,)."""
-        settings, places_B = self._settings, self._own.in_B(echoes.p_N)
-        return self._water.ask(places_B, echoes.height_m - settings.height_m, settings.margin_m)
+        settings, places_L = self._settings, self._own.in_L(echoes.p_N)
+        return self._water.ask(places_L, echoes.height_m - settings.height_m, settings.margin_m)
 
     @cached_property
     def _water(self) -> FreeWater:
-        """In the levelled frame B of the place."""
+        """In the levelled frame L of the place."""
         outline = self.outline
         return FreeWater(
-            sights=outline.sights_B,
+            sights=outline.boundary_L,
             heights=outline.height_m,
             seen=outline.seen,
-            begin=outline.sensor_B.tolist(),
+            begin=outline.sensor_L.tolist(),
             sector=outline.sector_rad,
             guard=self._settings.guard_rad,
             is_closed=outline.is_closed,
             elevations=outline.elevation_rad,
-            down=outline.down_B.tolist(),
+            down=outline.down_L.tolist(),
             least=outline.least_m,
         )
 

@@ -170,11 +170,11 @@ class Tracker:
     ) -> tuple[Objects, Sequence[bool | None]]:
         """Put together what lies within the circle of one known track."""
         known = [k for k, t in enumerate(self._tracks) if t.confirmed and not t.stands]
-        if not known or len(objects.p_B) < 2:
+        if not known or len(objects.p_L) < 2:
             return objects, stands
-        p_B = own.in_B(x[known, :2])
+        p_L = own.in_L(x[known, :2])
         radius = _floats([self._tracks[k].radius for k in known])
-        return join_fragments(objects, stands, p_B, self.settings.life.join_share * radius)
+        return join_fragments(objects, stands, p_L, self.settings.life.join_share * radius)
 
     def _update(self, x: Float64, P: Float64, measured: Measurements, own: Stand) -> None:
         found = associate(x, P, measured, self.settings.gate_sigma)

@@ -44,7 +44,7 @@ def test_a_million_points_go_from_the_wire_to_objects() -> None:
     rows, columns = perception.sensor.image_shape
     assert rows * columns // 2 < report.used <= rows * columns
     assert 0 < objects.points.sum() <= report.used
-    assert np.isfinite(objects.p_B).all()
+    assert np.isfinite(objects.p_L).all()
 
 
 def test_memory_is_steady_over_many_scans() -> None:

@@ -40,7 +40,7 @@ def test_vessels_and_buoys_near_by_are_found_and_the_water_is_not(
         for i in range(5):
             objects = perception.step(world.cloud(i), world.state.q_NB[i])
             turn = rotation_2d(float(world.state.heading[i]))
-            objects_N = objects.p_B @ turn.T + places_N[i]
+            objects_N = objects.p_L @ turn.T + places_N[i]
             for place_N in surely_visible(world, i):
                 visible += 1
                 found += (np.linalg.norm(objects_N - place_N, axis=1) < 2.0).any()

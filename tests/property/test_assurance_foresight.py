@@ -62,8 +62,8 @@ def circles(seed: int, count: int) -> Circles:
     moving = rng.random((count, 1)) < 0.5
     return Circles(
         id=tuple(range(100, 100 + count)),
-        p_B=rng.uniform(-14.0, 14.0, (count, 2)),
-        v_B=rng.uniform(-3.0, 3.0, (count, 2)) * moving,
+        p_L=rng.uniform(-14.0, 14.0, (count, 2)),
+        v_L=rng.uniform(-3.0, 3.0, (count, 2)) * moving,
         radius=rng.uniform(0.5, 3.0, count),
         horizon_s=np.where(moving[:, 0], 1.5, 4.0),
     )
@@ -94,7 +94,7 @@ def test_the_contact_is_the_plain_ones(vessel, motion, thrust, recipe, push, see
         assert found == pytest.approx(expected, abs=1e-9)
 
 
-@pytest.mark.parametrize("wrong", ["p_B", "v_B", "horizon_s"])
+@pytest.mark.parametrize("wrong", ["p_L", "v_L", "horizon_s"])
 def test_arrays_that_disagree_are_refused(wrong):
     from dataclasses import replace
 

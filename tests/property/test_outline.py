@@ -88,17 +88,17 @@ def test_the_outline_is_that_of_the_plain_reference(
         sector,
         OPEN.max_range_m,
     )
-    assert found.sights_B == pytest.approx(ends, abs=1e-4)
+    assert found.boundary_L == pytest.approx(ends, abs=1e-4)
     assert found.seen.tolist() == seen.tolist()
-    assert found.sensor_B == pytest.approx(R_LB @ s.mount_position_B, abs=1e-6)
-    assert found.down_B == pytest.approx((R_LB @ s.R_BS)[:, 2], abs=1e-6)
+    assert found.sensor_L == pytest.approx(R_LB @ s.mount_position_B, abs=1e-6)
+    assert found.down_L == pytest.approx((R_LB @ s.R_BS)[:, 2], abs=1e-6)
     assert found.elevation_rad.tolist() == s.elevations.tolist()
     # A height is told as of the middle of the sector.
-    away_m = np.linalg.norm(found.sights_B - found.sensor_B[:2], axis=1)
+    away_m = np.linalg.norm(found.boundary_L - found.sensor_L[:2], axis=1)
     half_m = 0.6 * away_m * (sector - 1) * s.azimuth_step
     assert np.isnan(found.height_m).tolist() == np.isnan(heights).tolist()
     off_m = np.nan_to_num(abs(found.height_m - heights))
-    assert (off_m <= half_m * math.hypot(*found.down_B[:2]) + 1e-4).all()
+    assert (off_m <= half_m * math.hypot(*found.down_L[:2]) + 1e-4).all()
     assert found.sector_rad == pytest.approx(sector * s.azimuth_step)
     assert found.is_closed is wraps
     assert len(found.cut_from) == len(objects.radius)

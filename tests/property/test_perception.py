@@ -153,7 +153,7 @@ def test_turning_the_sensor_turns_the_objects(seed: int, columns: int) -> None:
     a = columns * ALL_ROUND.azimuth_step
     R = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
     assert len(before.radius) == 3
-    expected, got = before.p_B @ R.T, after.p_B
+    expected, got = before.p_L @ R.T, after.p_L
     order = [int(np.argmin(np.hypot(*(got - p).T))) for p in expected]
     np.testing.assert_allclose(got[order], expected, atol=1e-3)
     np.testing.assert_allclose(after.radius[order], before.radius, atol=1e-3)
@@ -168,7 +168,7 @@ def test_the_order_of_the_points_does_not_matter(seed: int) -> None:
     perception = Perception(ALL_ROUND, EVERYTHING)
     before = perception.step(make_cloud(points_S), LEVEL)
     after = perception.step(make_cloud(rng.permutation(points_S)), LEVEL)
-    assert before.p_B.tobytes() == after.p_B.tobytes()
+    assert before.p_L.tobytes() == after.p_L.tobytes()
     assert before.radius.tobytes() == after.radius.tobytes()
     assert before.points.tobytes() == after.points.tobytes()
 
@@ -183,7 +183,7 @@ def test_noise_far_away_adds_no_object(seed: int) -> None:
     perception = Perception(ALL_ROUND, EVERYTHING)
     before = perception.step(make_cloud(points_S), LEVEL)
     after = perception.step(make_cloud(np.concatenate([far, points_S])), LEVEL)
-    assert before.p_B.tobytes() == after.p_B.tobytes()
+    assert before.p_L.tobytes() == after.p_L.tobytes()
     assert before.radius.tobytes() == after.radius.tobytes()
 
 
@@ -205,7 +205,7 @@ def test_odd_numbers_are_counted_and_give_finite_objects(
     r = perception.report
     assert r.points == count
     assert r.points == r.empty + r.range + r.no_beam + r.hull + r.water + r.hidden + r.used
-    assert np.isfinite(objects.p_B).all()
+    assert np.isfinite(objects.p_L).all()
     assert np.isfinite(objects.radius).all()
     assert objects.points.sum() == r.used
 

@@ -13,7 +13,7 @@ EYES = [
     Eye(360),
     Eye(2160),
     Eye(240, 2 * math.pi / 3),
-    Eye(70, 0.6, sensor_B=(-1.5, 0.5)),
+    Eye(70, 0.6, sensor_L=(-1.5, 0.5)),
     Eye(900, 5.5, reach_m=30.0),
 ]
 LEAST_AWAY_M = 1.0
@@ -35,7 +35,7 @@ def test_no_straight_path_moves_a_wall(away_m, speed, course, heading, turn_radp
     seconds = 3.0
     away = np.array([-math.sin(lies), math.cos(lies)])
     velocity = speed * np.array([math.cos(course), math.sin(course)])
-    assume(seconds * (velocity @ away) < away_m - LEAST_AWAY_M - abs(eye.sensor_B[0]))
+    assume(seconds * (velocity @ away) < away_m - LEAST_AWAY_M - abs(eye.sensor_L[0]))
     along = 200.0 * np.array([math.cos(lies), math.sin(lies)])
     endless = wall(tuple(away_m * away - along), tuple(away_m * away + along))
 

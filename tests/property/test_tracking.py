@@ -35,7 +35,7 @@ def track(turn=0.0, shift=(0.0, 0.0), order=slice(None)):
         answer = tracker.step(
             Objects(
                 stamp_ns=seen.stamp_ns,
-                p_B=seen.p_B[order],
+                p_L=seen.p_L[order],
                 radius=seen.radius[order],
                 points=seen.points[order],
             ),

@@ -58,17 +58,17 @@ def test_the_strips_are_those_of_the_plain_reference(seed: int, wraps: bool) -> 
     perception = Perception(s, OPEN)
     cloud = PointCloud(stamp_ns=0, frame_id="s", points_S=points_S)
     found = perception.step(cloud, LEVEL).strips
-    p_B = points_S[perception.point_image()] @ s.R_BS.T + s.mount_position_B
+    p_L = points_S[perception.point_image()] @ s.R_BS.T + s.mount_position_B
     expected = strips_reference.strips(
         perception.range_image().astype(float),
         perception.object_image(),
-        p_B[..., :2].astype(float),
+        p_L[..., :2].astype(float),
         s.wraps,
         OPEN.strip_gap_m,
         OPEN.max_range_m - OPEN.strip_gap_m,
     )
     owners = np.repeat(np.arange(len(found.begin) - 1), np.diff(found.begin))
-    table = np.column_stack([owners, found.rows_B])
+    table = np.column_stack([owners, found.rows_L])
     assert table == pytest.approx(expected, abs=1e-4)
 
 

@@ -124,7 +124,7 @@ def worst_contact(
     first = int(np.argmax(harmful))
     _, k = divmod(int(np.argmax(harm[first])), len(circles.id))
     x, y, heading = path[first + 1]
-    there = circles.p_B[k] + (first + 1) * dt * circles.v_B[k] - (x, y)
+    there = circles.p_L[k] + (first + 1) * dt * circles.v_L[k] - (x, y)
     return Contact(
         harm=float(harm.max() + 1.0 * dt * np.maximum(harm, 0.0).max(axis=(1, 2)).sum()),
         time_s=(first + 1) * dt,
@@ -143,8 +143,8 @@ def gaps(
     here = path[:, :2].copy().view(np.complex128)
     if ahead.any():
         here = here + ahead * np.exp(1j * path[:, 2:])
-    there = circles.p_B.view(np.complex128).T
-    there = there + dt * np.arange(len(path))[:, None] * circles.v_B.view(np.complex128).T
+    there = circles.p_L.view(np.complex128).T
+    there = there + dt * np.arange(len(path))[:, None] * circles.v_L.view(np.complex128).T
     apart: Float64 = np.abs(there[:, None] - here[:, :, None])
     apart -= own[:, None] + circles.radius
     return apart

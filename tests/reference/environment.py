@@ -100,8 +100,8 @@ def perceive(
         p = place - complex(ego.x, ego.y) + wp
         if number == k or not there or abs(p) - radius > 20.0:
             continue
-        p_B, v_B, r = p * turn, (velocity + wv) * turn, radius * factor
-        found.append((abs(p) - r - RADIUS, (p_B.real, p_B.imag, v_B.real, v_B.imag, r)))
+        p_L, v_L, r = p * turn, (velocity + wv) * turn, radius * factor
+        found.append((abs(p) - r - RADIUS, (p_L.real, p_L.imag, v_L.real, v_L.imag, r)))
     return [row for _, row in sorted(found)[:5]]
 
 

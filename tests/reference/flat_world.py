@@ -70,7 +70,7 @@ class Eye:
     span: float = 2 * math.pi
     """[rad] Around the bow."""
     reach_m: float = 20.0
-    sensor_B: tuple[float, float] = (0.4, 0.0)
+    sensor_L: tuple[float, float] = (0.4, 0.0)
 
     def azimuths(self) -> Float64:
         """Give the rays' directions from the bow, (A,) [rad]."""
@@ -99,16 +99,16 @@ def look(
     """Give what is seen from a place, and (K,) whose each object is."""
     own, azimuth = stand(place), eye.azimuths()
     rays_B = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
-    sensor_B = np.array(eye.sensor_B)
-    reach, body = _cast(bodies, t, own.p_N + own.R_NB @ sensor_B, rays_B @ own.R_NB.T, eye.reach_m)
-    sights_B = sensor_B + reach[:, None] * rays_B
+    sensor_L = np.array(eye.sensor_L)
+    reach, body = _cast(bodies, t, own.p_N + own.R_NL @ sensor_L, rays_B @ own.R_NL.T, eye.reach_m)
+    boundary_L = sensor_L + reach[:, None] * rays_B
     table, owner, cut_from, seen = [], [], [], np.full(eye.sectors, NOTHING)
     for number, run in enumerate(_runs(body, eye.is_closed)):
-        pieces = _cut(sights_B[run])
+        pieces = _cut(boundary_L[run])
         if len(pieces) > 1:
             seen[run] = number
         for piece in pieces:
-            echoes = sights_B[run[piece]]
+            echoes = boundary_L[run[piece]]
             centre = echoes.mean(axis=0)
             radius = np.linalg.norm(echoes - centre, axis=1).max()
             table.append([*centre, radius, 20 * len(piece)])
@@ -117,20 +117,20 @@ def look(
     rows = np.array(table, dtype=np.float64).reshape(-1, 4)
     cut = np.array(cut_from, dtype=np.int64)
     outline = Outline(
-        sights_B=sights_B,
+        boundary_L=boundary_L,
         height_m=np.where(body == NOTHING, np.nan, 0.0),
         seen=seen,
         cut_from=cut,
         sector_rad=eye.span / eye.sectors,
         is_closed=eye.is_closed,
-        sensor_B=np.array([*eye.sensor_B, 0.0]),
-        down_B=np.array([0.0, 0.0, 1.0]),
+        sensor_L=np.array([*eye.sensor_L, 0.0]),
+        down_L=np.array([0.0, 0.0, 1.0]),
         elevation_rad=np.empty(0),  # nothing is overlooked
         least_m=-math.inf,
     )
     objects = Objects(
         stamp_ns=round(t * 1e9),
-        p_B=rows[:, :2],
+        p_L=rows[:, :2],
         radius=rows[:, 2],
         points=rows[:, 3].astype(np.int64),
         outline=outline,

@@ -31,11 +31,11 @@ def measure(
     view
         How the sensor looks at it.
     """
-    R_NB = rotation_2d(odometry.heading)
-    finite = np.isfinite(objects.p_B).all(axis=1) & np.isfinite(objects.radius)
-    finite &= bool(np.isfinite(odometry.position_N[:2]).all() and np.isfinite(R_NB[0, 0]))
-    p_B, radius, points = objects.p_B[finite], objects.radius[finite], objects.points[finite]
-    p_BN = p_B @ R_NB.T
+    R_NL = rotation_2d(odometry.heading)
+    finite = np.isfinite(objects.p_L).all(axis=1) & np.isfinite(objects.radius)
+    finite &= bool(np.isfinite(odometry.position_N[:2]).all() and np.isfinite(R_NL[0, 0]))
+    p_L, radius, points = objects.p_L[finite], objects.radius[finite], objects.points[finite]
+    p_BN = p_L @ R_NL.T
     distance = np.hypot(p_BN[:, 0], p_BN[:, 1])
     along = p_BN / np.maximum(distance, 1e-9)[:, None]
     z_N = odometry.position_N[:2] + p_BN + along * depth(distance, radius, settings, view)[:, None]

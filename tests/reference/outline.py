@@ -10,7 +10,7 @@ from twinscrew.runtime.perception.sensor import Sensor
 def outline(
     ranges: Float64,
     circles: NDArray[np.int32],
-    p_B: Float64,
+    p_L: Float64,
     cut_from: NDArray[np.int64],
     sensor: Sensor,
     R_LB: Float64,
@@ -26,7 +26,7 @@ def outline(
         The range image [m]; 0 where there is no echo.
     circles : (M, W) int32
         Each cell's circle; -1 where there is none.
-    p_B : (M, W, 3) float64
+    p_L : (M, W, 3) float64
         Where each cell's echo is [m], levelled, the third down.
     cut_from : (K,) int64
         Of each circle, what it was cut from; -1 if it was not cut.
@@ -46,8 +46,8 @@ def outline(
         echoes = [(ranges[i, j], j, i) for j in columns for i in rows if ranges[i, j] > 0.0]
         if echoes:
             _, j, i = min(echoes)
-            ends.append(p_B[i, j, :2])
-            heights.append(-p_B[i, j, 2])
+            ends.append(p_L[i, j, :2])
+            heights.append(-p_L[i, j, 2])
             seen.append(cut_from[circles[i, j]] if circles[i, j] >= 0 else -1)
         else:
             ends.append(_end(columns.mean(), sensor, R_LB, reach_m))

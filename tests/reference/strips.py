@@ -7,7 +7,7 @@ from twinscrew.runtime.messages.types import Float64
 
 
 def strips(
-    ranges: Float64, objects: NDArray[np.int32], p_B: Float64, wraps: bool, gap: float, far: float
+    ranges: Float64, objects: NDArray[np.int32], p_L: Float64, wraps: bool, gap: float, far: float
 ) -> Float64:
     """Give rows of object, x, y, length, echoes, sorted.
 
@@ -17,7 +17,7 @@ def strips(
         The range image [m]; 0 where there is no echo.
     objects : (M, W) int32
         Each cell's object; -1 where there is none.
-    p_B : (M, W, 2) float64
+    p_L : (M, W, 2) float64
         Where each cell's echo is [m].
     wraps : bool
         True if the last column is beside the first.
@@ -26,7 +26,7 @@ def strips(
     """
     found = []
     for row in range(len(ranges)):
-        for run in _runs(np.flatnonzero(ranges[row]), objects[row], p_B[row], wraps, gap):
+        for run in _runs(np.flatnonzero(ranges[row]), objects[row], p_L[row], wraps, gap):
             ends = [run[0], run[-1]]
             free = not any(
                 _hidden(row, end, step, ranges, objects, wraps, gap)
@@ -34,17 +34,17 @@ def strips(
             )
             owner = objects[row, run[0]]
             if free and len(run) > 1 and owner >= 0 and ranges[row, ends].max() <= far:
-                length = np.linalg.norm(p_B[row, ends[1]] - p_B[row, ends[0]])
-                found.append([owner, *p_B[row, run].mean(axis=0), length, len(run)])
+                length = np.linalg.norm(p_L[row, ends[1]] - p_L[row, ends[0]])
+                found.append([owner, *p_L[row, run].mean(axis=0), length, len(run)])
     table = np.array(found).reshape(-1, 5)
     return table[np.lexsort(table[:, [3, 2, 1, 0]].T)]
 
 
-def _runs(columns, objects, p_B, wraps, gap):
+def _runs(columns, objects, p_L, wraps, gap):
     """Cut a row's occupied columns wherever object or place changes."""
 
     def one(a, b):
-        return objects[a] == objects[b] and np.linalg.norm(p_B[a] - p_B[b]) < gap
+        return objects[a] == objects[b] and np.linalg.norm(p_L[a] - p_L[b]) < gap
 
     runs = []
     for column in columns.tolist():

@@ -26,7 +26,7 @@ from twinscrew.runtime.safety.events import GOAL_SET
 def decision() -> Decision:
     """One object 10 m ahead, of 1 m radius."""
     objects = Objects(
-        stamp_ns=0, p_B=np.array([[10.0, 0.0]]), radius=np.ones(1), points=np.array([30])
+        stamp_ns=0, p_L=np.array([[10.0, 0.0]]), radius=np.ones(1), points=np.array([30])
     )
     tracks = Tracks(
         stamp_ns=0,

@@ -136,7 +136,7 @@ def test_a_scan_that_cannot_be_processed_means_zero_thrust_and_no_objects(
         (blind,) = sail(pipeline, 1.0, 1.0)
     assert names([blind]) == ["perception_error"]
     assert blind.thrust.tolist() == [0.0, 0.0]
-    assert len(blind.objects.p_B) == 0
+    assert len(blind.objects.p_L) == 0
     assert thrusts(sail(pipeline, 1.1, 1.1)) == [[50.0, 50.0]]
 
 

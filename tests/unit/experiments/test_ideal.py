@@ -40,7 +40,7 @@ def test_perception_gives_places_as_seen_from_the_vessel(world: World) -> None:
     perception = TruePerception(load_sensor("vrx32"), world, 2)
     odometry = world.odometry(2)
     objects = perception.step(world.cloud(2), odometry.q_NB)
-    back = objects.p_B @ rotation_2d(odometry.heading).T
+    back = objects.p_L @ rotation_2d(odometry.heading).T
     assert back == pytest.approx(surroundings(world, 2, 20.0).p_N, abs=1e-9)
     assert set(objects.radius) <= {2.8, 0.75}
 

@@ -77,5 +77,5 @@ def test_what_is_far_from_everything_is_of_nothing():
 def test_a_look_is_the_same_every_time():
     first, second = (list(islice(looks(3), 4)) for _ in range(2))
     for one, two in zip(first, second, strict=True):
-        assert one.objects.p_B.tobytes() == two.objects.p_B.tobytes()
+        assert one.objects.p_L.tobytes() == two.objects.p_L.tobytes()
         assert one.truth.v_N.tobytes() == two.truth.v_N.tobytes()

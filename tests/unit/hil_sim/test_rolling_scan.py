@@ -95,13 +95,13 @@ def test_perception_takes_the_motion_out_again() -> None:
     found, still = scan(), scan(yaw_rate=0.0, speed=0.0)
     perception = Perception(turning_sensor())
     rates, velocity = np.array([0.0, 0.0, YAW_RATE]), np.array([SPEED, 0.0, 0.0])
-    truth = perception.step(still.cloud, LEVEL).p_B[0]
-    undone = perception.step(found.cloud, LEVEL, rates, velocity).p_B[0]
+    truth = perception.step(still.cloud, LEVEL).p_L[0]
+    undone = perception.step(found.cloud, LEVEL, rates, velocity).p_L[0]
     # At the stamp the vessel was 0.1 s short of the present pose.
     c, s = np.cos(-0.1 * YAW_RATE), np.sin(-0.1 * YAW_RATE)
     undone_N = np.array([-0.1 * SPEED, 0.0]) + np.array([[c, -s], [s, c]]) @ undone
     np.testing.assert_allclose(undone_N, truth, atol=0.05)
-    naive = perception.step(found.cloud, LEVEL).p_B[0]
+    naive = perception.step(found.cloud, LEVEL).p_L[0]
     assert np.linalg.norm(naive - undone) > 0.3
 
 

@@ -19,7 +19,7 @@ def decision(count=2, **changes):
         "observation": None,
         "objects": Objects(
             stamp_ns=100,
-            p_B=rng.normal(size=(count, 2)),
+            p_L=rng.normal(size=(count, 2)),
             radius=rng.random(count),
             points=np.arange(count),
         ),
@@ -71,7 +71,7 @@ def test_the_smallest_change_changes_the_bytes(change):
 
 def test_an_array_in_another_memory_order_gives_the_same_bytes():
     made = decision(4)
-    turned = replace(made.objects, p_B=np.asfortranarray(made.objects.p_B))
+    turned = replace(made.objects, p_L=np.asfortranarray(made.objects.p_L))
     assert encode_decision(replace(made, objects=turned)) == encode_decision(made)
 
 

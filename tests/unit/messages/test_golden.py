@@ -52,7 +52,7 @@ EVENTS = (
 )
 OBJECTS = Objects(
     stamp_ns=STAMP_NS,
-    p_B=np.array([[4.0, 1.0], [5.0, -2.0]]),
+    p_L=np.array([[4.0, 1.0], [5.0, -2.0]]),
     radius=np.array((1.5, 0.75)),
     points=np.array((21, 300)),
 )
@@ -193,7 +193,7 @@ def test_written_odometry_differs_from_the_other_implementation_by_rounding_only
 def test_written_markers_are_those_of_the_other_implementation():
     first = Objects(
         stamp_ns=STAMP_NS,
-        p_B=OBJECTS.p_B[:1],
+        p_L=OBJECTS.p_L[:1],
         radius=OBJECTS.radius[:1],
         points=OBJECTS.points[:1],
     )

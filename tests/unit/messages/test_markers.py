@@ -33,7 +33,7 @@ def tracks(v_N):
 
 def test_what_was_drawn_before_is_deleted_first():
     nothing = Objects(
-        stamp_ns=0, p_B=np.zeros((0, 2)), radius=np.zeros(0), points=np.zeros(0, np.int64)
+        stamp_ns=0, p_L=np.zeros((0, 2)), radius=np.zeros(0), points=np.zeros(0, np.int64)
     )
     (marker,) = read(encode_object_markers(nothing))
     assert marker.action == DELETE_ALL
@@ -41,7 +41,7 @@ def test_what_was_drawn_before_is_deleted_first():
 
 def test_an_object_to_starboard_is_drawn_at_negative_y_as_large_as_it_is():
     objects = Objects(
-        stamp_ns=0, p_B=np.array([[4.0, 1.0]]), radius=np.array([1.5]), points=np.array([9])
+        stamp_ns=0, p_L=np.array([[4.0, 1.0]]), radius=np.array([1.5]), points=np.array([9])
     )
     _, marker = read(encode_object_markers(objects))
     assert (marker.action, marker.type) == (ADD, CYLINDER)

@@ -220,7 +220,7 @@ def test_objects_stay_in_the_files_axes_wherever_the_sensor_sits() -> None:
     aboard = Perception(sensor.mounted(mount), settings_over(1.5 - 2.0))
     first, second = objects_S(alone, cloud, q_NS), objects_S(aboard, cloud, q_NS)
     for p in np.array([*CARS, *POLES]) * [1, -1]:
-        distances = [np.hypot(*(found.p_B - p).T).min() for found in (first, second)]
+        distances = [np.hypot(*(found.p_L - p).T).min() for found in (first, second)]
         assert distances[0] == pytest.approx(distances[1], abs=0.3)
 
 

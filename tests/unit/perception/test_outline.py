@@ -32,7 +32,7 @@ def seen_of(
 
 
 def distances(outline: Outline) -> np.ndarray:
-    return np.linalg.norm(outline.sights_B - outline.sensor_B[:2], axis=1)
+    return np.linalg.norm(outline.boundary_L - outline.sensor_L[:2], axis=1)
 
 
 def test_over_an_empty_sea_every_sight_ends_at_the_range() -> None:
@@ -49,7 +49,7 @@ def test_a_sensor_that_sees_less_far_than_is_looked_ends_the_sights() -> None:
 
 def test_the_sights_go_around_clockwise_once() -> None:
     _, outline = seen_of()
-    away = outline.sights_B - outline.sensor_B[:2]
+    away = outline.boundary_L - outline.sensor_L[:2]
     turns = np.diff(np.unwrap(np.arctan2(away[:, 1], away[:, 0])))
     assert turns[:-1] == pytest.approx(outline.sector_rad, abs=1e-9)
     assert 0.0 < turns[-1] <= outline.sector_rad
@@ -60,9 +60,9 @@ def test_a_post_is_no_piece_but_ends_the_sights_to_it() -> None:
     objects, outline = seen_of(post(sensor(), 8.0, -3.0))
     assert outline.cut_from.tolist() == [-1]
     assert (outline.seen == -1).all()
-    short = outline.sights_B[distances(outline) < 19.0]
+    short = outline.boundary_L[distances(outline) < 19.0]
     assert 5 < len(short) < 20
-    apart = np.linalg.norm(short - objects.p_B[0], axis=1)
+    apart = np.linalg.norm(short - objects.p_L[0], axis=1)
     assert apart.max() <= objects.radius[0] + 1e-5
 
 
@@ -70,25 +70,25 @@ def test_a_post_is_no_piece_but_ends_the_sights_to_it() -> None:
 def test_the_pieces_of_a_quay_are_numbered_alike_and_a_post_is_none(name: str) -> None:
     s = sensor(name)
     objects, outline = seen_of(wall(s, 5.0), post(s, 8.0, -3.0), s=s)
-    is_post = objects.p_B[:, 1] < 0.0
+    is_post = objects.p_L[:, 1] < 0.0
     assert is_post.sum() == 1
     assert set(outline.cut_from[is_post]) == {-1}
     numbers = set(outline.cut_from[~is_post].tolist())
     assert len(numbers) == 1
     assert min(numbers) >= 0
     assert set(outline.seen.tolist()) == {-1, *numbers}
-    on_quay = outline.sights_B[outline.seen >= 0]
+    on_quay = outline.boundary_L[outline.seen >= 0]
     assert on_quay[:, 1] == pytest.approx(5.0, abs=1e-3)
     assert np.ptp(on_quay[:, 0]) > 25.0
 
 
 def test_two_quays_have_two_numbers() -> None:
     objects, outline = seen_of(wall(sensor(), 6.0), wall(sensor(), -7.0))
-    to_port = objects.p_B[:, 1] < 0.0
+    to_port = objects.p_L[:, 1] < 0.0
     (port,), (starboard,) = (set(outline.cut_from[side].tolist()) for side in (to_port, ~to_port))
     assert -1 < min(port, starboard) < max(port, starboard)
     for number, east in ((port, -7.0), (starboard, 6.0)):
-        assert outline.sights_B[outline.seen == number, 1] == pytest.approx(east, abs=1e-3)
+        assert outline.boundary_L[outline.seen == number, 1] == pytest.approx(east, abs=1e-3)
 
 
 def test_what_lies_before_a_quay_ends_the_sights_to_it() -> None:
@@ -99,7 +99,7 @@ def test_what_lies_before_a_quay_ends_the_sights_to_it() -> None:
     assert 5 < len(behind) < 50
     assert (alone.seen[behind] >= 0).all()
     assert (hidden.seen[behind] == -1).all()
-    assert (np.linalg.norm(hidden.sights_B[behind] - [0.4, 3.0], axis=1) < 0.45).all()
+    assert (np.linalg.norm(hidden.boundary_L[behind] - [0.4, 3.0], axis=1) < 0.45).all()
 
 
 def test_echoes_too_few_for_an_object_end_a_sight_all_the_same() -> None:
@@ -113,16 +113,16 @@ def test_echoes_too_few_for_an_object_end_a_sight_all_the_same() -> None:
 def test_the_outline_of_a_tilted_vessel_is_level(roll: float, pitch: float) -> None:
     q_NB = quaternion_from_euler(roll, pitch, 0.0)
     _, outline = seen_of(wall(sensor(), 6.0, q_NB), q_NB=q_NB)
-    assert outline.sights_B[outline.seen >= 0, 1] == pytest.approx(6.0, abs=1e-3)
+    assert outline.boundary_L[outline.seen >= 0, 1] == pytest.approx(6.0, abs=1e-3)
     mast_N = rotation_from_quaternion(q_NB) @ sensor().mount_position_B
-    assert outline.sensor_B == pytest.approx(mast_N)
+    assert outline.sensor_L == pytest.approx(mast_N)
     assert distances(outline)[outline.seen < 0] == pytest.approx(20.0)
 
 
 def test_the_heading_turns_nothing() -> None:
     _, north = seen_of(wall(sensor(), 6.0))
     _, west = seen_of(wall(sensor(), 6.0), q_NB=quaternion_from_euler(0.0, 0.0, -math.pi / 2))
-    assert west.sights_B == pytest.approx(north.sights_B, abs=1e-5)
+    assert west.boundary_L == pytest.approx(north.boundary_L, abs=1e-5)
 
 
 @pytest.mark.parametrize("name", SENSORS)
@@ -131,7 +131,7 @@ def test_a_sector_is_as_many_columns_as_half_a_degree_holds(name: str) -> None:
     count = columns_a_sector(s)
     assert abs(count * s.azimuth_step - SECTOR_RAD) <= s.azimuth_step / 2
     _, outline = seen_of(s=s)
-    assert len(outline.sights_B) == math.ceil(s.image_shape[1] / count)
+    assert len(outline.boundary_L) == math.ceil(s.image_shape[1] / count)
     assert outline.sector_rad == pytest.approx(count * s.azimuth_step)
 
 
@@ -153,5 +153,5 @@ def test_there_are_two_sectors_at_least(columns: int, span_rad: float, expected:
     )
     assert columns_a_sector(s) == expected
     _, outline = seen_of(s=s)
-    assert len(outline.sights_B) == math.ceil(columns / expected) >= 2
+    assert len(outline.boundary_L) == math.ceil(columns / expected) >= 2
     assert not outline.is_closed

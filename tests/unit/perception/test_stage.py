@@ -14,7 +14,7 @@ from twinscrew.runtime.settings import convert
 def test_an_empty_cloud_has_no_objects() -> None:
     objects = Perception(sensor()).step(cloud(np.empty((0, 3))), LEVEL)
     assert objects.stamp_ns == 7
-    assert objects.p_B.shape == (0, 2)
+    assert objects.p_L.shape == (0, 2)
     assert objects.radius.shape == objects.points.shape == (0,)
 
 
@@ -23,25 +23,25 @@ def test_a_post_is_found_where_it_stands(name: str) -> None:
     objects = Perception(sensor(name)).step(cloud(post(sensor(name), 8.0, -3.0)), LEVEL)
     assert len(objects.radius) == 1
     # The visible side of a cylinder is nearer than its axis, by less than its radius.
-    assert math.hypot(*(objects.p_B[0] - [8.0, -3.0])) < 0.4
+    assert math.hypot(*(objects.p_L[0] - [8.0, -3.0])) < 0.4
     assert 0.2 < objects.radius[0] < 0.8
 
 
 def test_centroid_and_radius_are_the_papers() -> None:
     points_S = post(sensor(), 8.0, -3.0)
     objects = Perception(sensor()).step(cloud(points_S), LEVEL)
-    p_B = points_S[:, :2] + sensor().mount_position_B[:2]
+    p_L = points_S[:, :2] + sensor().mount_position_B[:2]
     # Rays that coincide share a cell; none do straight ahead.
     assert objects.points[0] == len(points_S)
-    assert objects.p_B[0] == pytest.approx(p_B.mean(axis=0), abs=1e-5)
-    assert objects.radius[0] == pytest.approx(np.hypot(*(p_B - p_B.mean(axis=0)).T).max(), abs=1e-5)
+    assert objects.p_L[0] == pytest.approx(p_L.mean(axis=0), abs=1e-5)
+    assert objects.radius[0] == pytest.approx(np.hypot(*(p_L - p_L.mean(axis=0)).T).max(), abs=1e-5)
 
 
 def test_a_tilted_vessel_sees_the_post_at_the_same_place() -> None:
     q_NB = quaternion_from_euler(0.12, -0.08, 0.0)
     objects = Perception(sensor()).step(cloud(post(sensor(), 8.0, -3.0, q_NB=q_NB)), q_NB)
     assert len(objects.radius) == 1
-    assert math.hypot(*(objects.p_B[0] - [8.0, -3.0])) < 0.4
+    assert math.hypot(*(objects.p_L[0] - [8.0, -3.0])) < 0.4
 
 
 def test_the_heading_does_not_matter() -> None:
@@ -49,7 +49,7 @@ def test_the_heading_does_not_matter() -> None:
     perception = Perception(sensor())
     north = perception.step(cloud(points_S), LEVEL)
     west = perception.step(cloud(points_S), quaternion_from_euler(0.0, 0.0, -math.pi / 2))
-    assert west.p_B == pytest.approx(north.p_B, abs=1e-5)
+    assert west.p_L == pytest.approx(north.p_L, abs=1e-5)
 
 
 def test_two_posts_two_metres_apart_are_two() -> None:
@@ -71,12 +71,12 @@ def test_a_quay_becomes_circles_that_cover_its_face_and_hold_no_own_hull() -> No
     objects = Perception(sensor()).step(cloud(points_S), LEVEL)
     assert len(objects.radius) > 5
     assert objects.radius.max() < 4.0
-    p_B = points_S[:, :2] + sensor().mount_position_B[:2]
-    apart = np.hypot(*(p_B[:, None] - objects.p_B[None]).transpose(2, 0, 1))
+    p_L = points_S[:, :2] + sensor().mount_position_B[:2]
+    apart = np.hypot(*(p_L[:, None] - objects.p_L[None]).transpose(2, 0, 1))
     near = np.hypot(*points_S.T) <= 20.0
     assert (apart[near] <= objects.radius + 1e-4).any(axis=1).all()
     keel = np.stack([np.linspace(-2.9, 2.7, 50), np.zeros(50)], axis=1)
-    from_keel = np.hypot(*(keel[:, None] - objects.p_B[None]).transpose(2, 0, 1))
+    from_keel = np.hypot(*(keel[:, None] - objects.p_L[None]).transpose(2, 0, 1))
     assert (from_keel > objects.radius).all()
 
 
@@ -91,10 +91,10 @@ def test_echoes_from_the_own_hull_are_masked() -> None:
 
 def test_water_is_dropped_by_height_and_weak_echoes_higher_up_too() -> None:
     s = sensor()
-    p_B = np.array([[10.0, 0.0, -0.15], [10.0, 0.3, -0.5], [10.0, 0.6, -0.5], [10.0, 1.0, -1.5]])
+    p_L = np.array([[10.0, 0.0, -0.15], [10.0, 0.3, -0.5], [10.0, 0.6, -0.5], [10.0, 1.0, -1.5]])
     settings = PerceptionSettings(water=WaterSettings(surface_m=0.1, clearance_m=0.1))
     perception = Perception(s, settings)
-    points_S = p_B - s.mount_position_B
+    points_S = p_L - s.mount_position_B
     perception.project(cloud(points_S), LEVEL)
     assert perception.report.water == 1
     strength = np.array([100.0, 100.0, 1.0, 1.0], np.float32)
@@ -130,16 +130,16 @@ def test_a_scan_that_takes_time_is_put_as_seen_at_its_stamp(tells_time: bool) ->
     column = np.round((np.arctan2(still[:, 1], still[:, 0]) - s.first_azimuth) / s.azimuth_step)
     time = column / s.columns.count * 0.1
     # Where the turning, moving sensor sees the same places at that time.
-    p_B = still + s.mount_position_B - velocity * time[:, None]
+    p_L = still + s.mount_position_B - velocity * time[:, None]
     c, sn = np.cos(-rate[2] * time), np.sin(-rate[2] * time)
-    moved = np.stack([c * p_B[:, 0] - sn * p_B[:, 1], sn * p_B[:, 0] + c * p_B[:, 1], p_B[:, 2]], 1)
+    moved = np.stack([c * p_L[:, 0] - sn * p_L[:, 1], sn * p_L[:, 0] + c * p_L[:, 1], p_L[:, 2]], 1)
     more = {"time_offset_s": time.astype(np.float32)} if tells_time else {}
     scan = cloud(moved - s.mount_position_B, **more)
     skewed = Perception(s).step(scan, LEVEL)
     straight = Perception(s).step(scan, LEVEL, rate, velocity)
     truth = (still + s.mount_position_B)[:, :2].mean(axis=0)
-    assert math.hypot(*(skewed.p_B[0] - truth)) > 0.15
-    assert math.hypot(*(straight.p_B[0] - truth)) < 0.02
+    assert math.hypot(*(skewed.p_L[0] - truth)) > 0.15
+    assert math.hypot(*(straight.p_L[0] - truth)) < 0.02
 
 
 def test_an_attitude_that_is_no_number_is_refused() -> None:

@@ -25,8 +25,8 @@ def circles(*rows: tuple[float, float, float, float, float], horizon_s: float = 
     table = np.array(rows, dtype=np.float64).reshape(-1, 5)
     return Circles(
         id=tuple(range(7, 7 + len(table))),
-        p_B=table[:, :2].copy(),
-        v_B=table[:, 2:4].copy(),
+        p_L=table[:, :2].copy(),
+        v_L=table[:, 2:4].copy(),
         radius=table[:, 4],
         horizon_s=np.full(len(table), horizon_s),
     )
@@ -164,8 +164,8 @@ def around(heading: float, seen: Tracks) -> Circles:
 def test_tracks_are_turned_into_the_vessels_frame():
     seen = tracks([[10.0, 25.0]], [[1.0, 0.0]], [1.5])
     there = around(np.pi / 2, seen)  # heading east: the track is dead ahead, going to port
-    assert there.p_B == pytest.approx(np.array([[5.0, 0.0]]))
-    assert there.v_B == pytest.approx(np.array([[0.0, -1.0]]))
+    assert there.p_L == pytest.approx(np.array([[5.0, 0.0]]))
+    assert there.v_L == pytest.approx(np.array([[0.0, -1.0]]))
     assert there.radius.tolist() == [1.5]
 
 
@@ -177,5 +177,5 @@ def test_what_cannot_be_met_within_the_horizon_is_left_out():
 
 def test_slow_tracks_stand_still_and_small_ones_are_not_taken_for_points():
     there = around(0.0, tracks([[15.0, 20.0]], [[0.3, 0.2]], [0.45]))
-    assert there.v_B.tolist() == [[0.0, 0.0]]
+    assert there.v_L.tolist() == [[0.0, 0.0]]
     assert there.radius.tolist() == [0.8]

@@ -22,11 +22,11 @@ def odometry(stamp_ns=0, north=0.0, east=0.0, yaw=0.0):
 def objects(p_N, ego, radius=1.0, points=200):
     """Objects with centres at p_N (K, 2), as seen from the ego vessel."""
     p_N = np.asarray(p_N, dtype=np.float64).reshape(-1, 2)
-    R_NB = rotation_2d(ego.heading)
+    R_NL = rotation_2d(ego.heading)
     count = len(p_N)
     return Objects(
         stamp_ns=ego.stamp_ns,
-        p_B=(p_N - ego.position_N[:2]) @ R_NB,
+        p_L=(p_N - ego.position_N[:2]) @ R_NL,
         radius=np.full(count, radius) if np.isscalar(radius) else np.asarray(radius, dtype=float),
         points=np.full(count, points, dtype=np.int64),
     )

@@ -16,7 +16,7 @@ from twinscrew.runtime.tracking.fragments import join_fragments
 def objects(*rows):
     table = np.array(rows, dtype=float).reshape(-1, 4)
     return Objects(
-        stamp_ns=7, p_B=table[:, :2], radius=table[:, 2], points=table[:, 3].astype(np.int64)
+        stamp_ns=7, p_L=table[:, :2], radius=table[:, 2], points=table[:, 3].astype(np.int64)
     )
 
 
@@ -31,7 +31,7 @@ def join(seen, *circles):
 
 def test_pieces_within_one_circle_are_joined_by_their_points():
     whole = join(objects((10, -1, 0.5, 300), (10, 1, 0.6, 100)), (10, 0, 2.5))
-    assert whole.p_B == pytest.approx(np.array([[10.0, -0.5]]))
+    assert whole.p_L == pytest.approx(np.array([[10.0, -0.5]]))
     assert whole.points.tolist() == [400]
     assert whole.stamp_ns == 7
 
@@ -43,8 +43,8 @@ def test_the_joined_circle_holds_the_pieces_circles():
 
 def test_what_lies_outside_stays_as_it_is():
     whole = join(objects((10, -1, 0.5, 30), (10, 1, 0.6, 30), (3, 3, 0.7, 50)), (10, 0, 2.5))
-    assert len(whole.p_B) == 2
-    assert whole.p_B[1].tolist() == [3.0, 3.0]
+    assert len(whole.p_L) == 2
+    assert whole.p_L[1].tolist() == [3.0, 3.0]
     assert (whole.radius[1], whole.points[1]) == (0.7, 50)
 
 
@@ -61,7 +61,7 @@ def test_nothing_known_joins_nothing():
 def test_a_piece_belongs_to_the_older_track_only():
     seen = objects((10, 0, 0.5, 100), (11, 0, 0.5, 100), (12, 0, 0.5, 100))
     whole = join(seen, (10.4, 0, 1.0), (11.6, 0, 1.0))
-    assert len(whole.p_B) == 2
+    assert len(whole.p_L) == 2
     assert whole.points.tolist() == [200, 100]
 
 
@@ -90,12 +90,12 @@ def test_strips_go_where_their_objects_go():
     seen = replace(
         objects((3, 3, 0.7, 50), (10, -1, 0.5, 300), (10, 1, 0.6, 100)),
         strips=Strips(
-            begin=np.array([0, 1, 3, 4]), rows_B=np.arange(16, dtype=np.float64).reshape(4, 4)
+            begin=np.array([0, 1, 3, 4]), rows_L=np.arange(16, dtype=np.float64).reshape(4, 4)
         ),
     )
     whole = join(seen, (10, 0, 2.5))
     assert whole.strips.begin.tolist() == [0, 3, 4]
-    assert whole.strips.rows_B[:, 0].tolist() == [4.0, 8.0, 12.0, 0.0]
+    assert whole.strips.rows_L[:, 0].tolist() == [4.0, 8.0, 12.0, 0.0]
 
 
 @given(st.integers(0, 6), st.integers(0, 4), st.integers(0, 1 << 20))

@@ -45,7 +45,7 @@ def test_pieces_that_slide_along_a_quay_have_no_speed(noise_m):
     rng, tracker = np.random.default_rng(1), Tracker()
     for t in scans(6.0):
         objects, _ = look([QUAY], t, AHEAD(t), Eye())
-        objects.p_B[:] += noise_m * rng.standard_normal(objects.p_B.shape)
+        objects.p_L[:] += noise_m * rng.standard_normal(objects.p_L.shape)
         tracks = tracker.step(objects, scene.odometry(objects.stamp_ns, *AHEAD(t)))
         assert t < 1.5 or (len(tracks.id) >= 8 and speeds(tracks).max() < 0.05)
     apart = np.linalg.norm(tracks.p_N[:, None] - tracks.p_N, axis=2)
@@ -116,20 +116,20 @@ def ring(k, cut_from):
     """Two things 1 m apart, in the walls of a round harbour of which they may be pieces."""
     azimuth = np.radians(np.arange(0.25, 360.0, 0.5))
     outline = Outline(
-        sights_B=10.0 * np.column_stack([np.cos(azimuth), np.sin(azimuth)]),
+        boundary_L=10.0 * np.column_stack([np.cos(azimuth), np.sin(azimuth)]),
         height_m=np.zeros(len(azimuth)),
         seen=np.zeros(len(azimuth), dtype=np.int64),
         cut_from=np.array([*cut_from, 0]),
         sector_rad=math.radians(0.5),
         is_closed=True,
-        sensor_B=np.zeros(3),
-        down_B=np.array([0.0, 0.0, 1.0]),
+        sensor_L=np.zeros(3),
+        down_L=np.array([0.0, 0.0, 1.0]),
         elevation_rad=np.empty(0),
         least_m=-math.inf,
     )
     return Objects(
         stamp_ns=k * scene.SCAN,
-        p_B=np.array([[10.0, -0.5], [10.0, 0.5], [-10.0, 0.0]]),
+        p_L=np.array([[10.0, -0.5], [10.0, 0.5], [-10.0, 0.0]]),
         radius=np.full(3, 2.0),
         points=np.full(3, 100),
         outline=outline,
@@ -157,7 +157,7 @@ def test_pieces_are_told_apart_though_others_are_joined():
         )
         seen = Objects(
             stamp_ns=k * scene.SCAN,
-            p_B=np.concatenate([halves, objects.p_B]),
+            p_L=np.concatenate([halves, objects.p_L]),
             radius=np.concatenate([[2.0, 2.0], objects.radius]),
             points=np.concatenate([[100, 100], objects.points]),
             outline=outline,

@@ -91,7 +91,7 @@ def test_the_native_model_is_the_plain_one(view):
     p_N = ego.position_N[:2] + rng.uniform(-20.0, 20.0, (200, 2))
     objects = scene.objects(p_N, ego, radius=rng.uniform(0.2, 4.0, 200))
     objects.points[:] = rng.integers(0, 300, 200)
-    objects.p_B[7], objects.radius[11] = np.nan, np.inf
+    objects.p_L[7], objects.radius[11] = np.nan, np.inf
     found = Centroids(SETTINGS, view).measure(objects, Stand.of(ego))
     plain = plain_measure(objects, ego, SETTINGS, view)
     for name in ("z_N", "H", "R", "radius", "gate"):

@@ -65,8 +65,8 @@ def test_a_stray_echo_of_a_quay_does_not_move_it(strays, verdict):
     for t in scans(2.0):
         objects, _ = look([QUAY], t, STILL(t), Eye())
         if t == scans(2.0)[-1]:
-            abeam = len(objects.outline.sights_B) * 3 // 4
-            objects.outline.sights_B[abeam : abeam + strays, 1] -= 2.0
+            abeam = len(objects.outline.boundary_L) * 3 // 4
+            objects.outline.boundary_L[abeam : abeam + strays, 1] -= 2.0
         said = set(standing.pieces(objects, stand(STILL(t))))
     assert said == {verdict}
 
@@ -176,7 +176,7 @@ def disturbed(body, spoil):
     [
         lambda objects, own: (objects, own._replace(p_N=np.array([math.nan, 0.0]))),
         lambda objects, own: (objects, own._replace(p_N=np.array([0.0, math.inf]))),
-        lambda objects, own: (objects, own._replace(R_NB=np.full((2, 2), math.nan))),
+        lambda objects, own: (objects, own._replace(R_NL=np.full((2, 2), math.nan))),
         lambda objects, own: (replace(objects, outline=None), own),
     ],
     ids=["nan", "infinite", "heading", "no outline"],
@@ -241,16 +241,16 @@ def test_what_is_not_long_is_not_told_of_beside_what_is():
 def test_few_sectors_are_enough_to_be_asked(sectors, is_closed, verdict):
     """Beside the first and the last of no full turn nothing is looked at, here everywhere."""
     azimuth = 2 * math.pi * (np.arange(sectors) + 0.5) / sectors
-    sights_B = 8.0 * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+    boundary_L = 8.0 * np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     outline = Outline(
-        sights_B=sights_B,
+        boundary_L=boundary_L,
         height_m=np.zeros(sectors),
         seen=np.zeros(sectors, dtype=np.int64),
         cut_from=np.array([0, 0]),
         sector_rad=2 * math.pi / sectors,
         is_closed=is_closed,
-        sensor_B=np.zeros(3),
-        down_B=np.array([0.0, 0.0, 1.0]),
+        sensor_L=np.zeros(3),
+        down_L=np.array([0.0, 0.0, 1.0]),
         elevation_rad=np.empty(0),
         least_m=-math.inf,
     )
@@ -258,7 +258,7 @@ def test_few_sectors_are_enough_to_be_asked(sectors, is_closed, verdict):
     for k in range(20):
         objects = Objects(
             stamp_ns=k * 100_000_000,
-            p_B=sights_B[:2],
+            p_L=boundary_L[:2],
             radius=np.full(2, 2.0),
             points=np.full(2, 50),
             outline=outline,
@@ -273,21 +273,21 @@ def ring(stamp_s, seen, holes=()):
     is_hole = np.isin(np.arange(len(seen)), [k for hole in holes for k in hole])
     away_m = np.where(is_hole, 15.0, 10.0)
     outline = Outline(
-        sights_B=away_m[:, None] * np.column_stack([np.cos(azimuth), np.sin(azimuth)]),
+        boundary_L=away_m[:, None] * np.column_stack([np.cos(azimuth), np.sin(azimuth)]),
         height_m=np.zeros(len(seen)),
         seen=np.where(is_hole, -1, seen),
         cut_from=np.unique(seen),
         sector_rad=2 * math.pi / len(seen),
         is_closed=True,
-        sensor_B=np.zeros(3),
-        down_B=np.array([0.0, 0.0, 1.0]),
+        sensor_L=np.zeros(3),
+        down_L=np.array([0.0, 0.0, 1.0]),
         elevation_rad=np.empty(0),
         least_m=-math.inf,
     )
     count = len(outline.cut_from)
     return Objects(
         stamp_ns=round(1e9 * stamp_s),
-        p_B=np.zeros((count, 2)),
+        p_L=np.zeros((count, 2)),
         radius=np.full(count, 2.0),
         points=np.full(count, 50),
         outline=outline,

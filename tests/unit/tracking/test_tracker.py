@@ -158,7 +158,7 @@ def test_an_object_that_is_not_finite_is_left_out(bad):
     for k in range(6):
         here = scene.odometry(k * scene.SCAN)
         seen = scene.objects([[3.0, 1.0], [10.0, 0.0]], here)
-        seen.p_B[0, 0] = bad
+        seen.p_L[0, 0] = bad
         answer = tracker.step(seen, here)
     assert answer.id.tolist() == [0]
     assert np.isfinite(answer.p_N).all()
@@ -213,10 +213,10 @@ def seen_with_strips(k, jumps, speed=2.0):
     """A vessel that goes north past the own one; its centroid jumps, its strips do not."""
     here, north = scene.odometry(k * scene.SCAN, yaw=0.7), speed * 0.1 * k - 3.0
     rows_N = HULL + np.array([north, 10.0, 0.0, 0.0])
-    rows_B = rows_N.copy()
-    rows_B[:, :2] = rows_N[:, :2] @ rotation_2d(0.7)
+    rows_L = rows_N.copy()
+    rows_L[:, :2] = rows_N[:, :2] @ rotation_2d(0.7)
     seen = scene.objects([[north + jumps[k], 10.0]], here, radius=2.5)
-    return replace(seen, strips=Strips(begin=np.array([0, 3]), rows_B=rows_B)), here
+    return replace(seen, strips=Strips(begin=np.array([0, 3]), rows_L=rows_L)), here
 
 
 def test_a_centroid_that_jumps_does_not_spoil_a_velocity_that_strips_tell():

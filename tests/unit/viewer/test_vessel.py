@@ -71,7 +71,7 @@ def decision(goal_B=None, objects_B=(), p_N=(), v_N=(), stamp_ns=S, arrived=Fals
             observation=observation,
             objects=Objects(
                 stamp_ns=S,
-                p_B=np.array(objects_B, float).reshape(-1, 2),
+                p_L=np.array(objects_B, float).reshape(-1, 2),
                 radius=np.full(len(objects_B), 0.7),
                 points=np.full(len(objects_B), 30),
             ),
