@@ -11,7 +11,7 @@ import pytest
 
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlSettings, sail
-from twinscrew.hil_sim.viewer import open_source
+from twinscrew.hil_sim.viewer import sources
 from twinscrew.hil_sim.viewer.scene import write_scene
 from twinscrew.runtime.app.recording import find_recordings
 from twinscrew.runtime.bus.zenoh import ZenohBus
@@ -95,7 +95,7 @@ def complete(view):
 
 
 def test_a_viewer_sees_all_boats_of_an_endpoint(boats, endpoint):
-    source = open_source.from_endpoint(endpoint, "wamv1, wamv2", "vrx32")
+    source = sources.from_endpoint(endpoint, "wamv1, wamv2", "vrx32")
     try:
         until(lambda: all(complete(view) for view in views(source)))
         until(lambda: all(view["goal"] is not None for view in views(source)))
@@ -117,7 +117,7 @@ def test_a_viewer_never_says_a_word(boats, endpoint):
     boats._stop.set()
     boats._thread.join()
     heard.clear()
-    source = open_source.from_endpoint(endpoint, "wamv1,wamv2", "vrx32")
+    source = sources.from_endpoint(endpoint, "wamv1,wamv2", "vrx32")
     for _ in range(20):
         views(source)
         time.sleep(0.01)
@@ -126,7 +126,7 @@ def test_a_viewer_never_says_a_word(boats, endpoint):
 
 
 def test_a_viewer_that_nobody_looks_at_keeps_a_bounded_number_of_messages(boats, endpoint):
-    source = open_source.from_endpoint(endpoint, "wamv1", "vrx32")
+    source = sources.from_endpoint(endpoint, "wamv1", "vrx32")
     try:
         until(lambda: source._inboxes[0].passed_over.get("odometry", 0) > 200)
         assert len(source._inboxes[0].wait(0.0)) < 300
@@ -136,7 +136,7 @@ def test_a_viewer_that_nobody_looks_at_keeps_a_bounded_number_of_messages(boats,
 
 def test_a_viewer_finds_the_boats_again_after_they_were_away(run, endpoint):
     boats = Boats(run, endpoint)
-    source = open_source.from_endpoint(endpoint, "wamv1", "vrx32")
+    source = sources.from_endpoint(endpoint, "wamv1", "vrx32")
     try:
         until(lambda: complete(views(source)[0]))
         boats.close()
@@ -152,7 +152,7 @@ def test_a_viewer_finds_the_boats_again_after_they_were_away(run, endpoint):
 def test_a_boats_own_configuration_tells_where_it_is(boats, endpoint, tmp_path):
     file = tmp_path / "boat.toml"
     file.write_text(f'name = "wamv2"\nsensor = "vrx32"\n[bus]\nconnect = ["{endpoint}"]\n')
-    source = open_source.from_configs([file])
+    source = sources.from_configs([file])
     try:
         until(lambda: complete(views(source)[0]))
         assert source.names == ("wamv2",)
@@ -162,15 +162,15 @@ def test_a_boats_own_configuration_tells_where_it_is(boats, endpoint, tmp_path):
 
 def test_an_endpoint_where_nobody_is_is_refused(endpoint):
     with pytest.raises(BusError, match="cannot be opened"):
-        open_source.from_endpoint(endpoint, "wamv1", "vrx32")
+        sources.from_endpoint(endpoint, "wamv1", "vrx32")
 
 
 @pytest.mark.parametrize("names", ["", " , "])
 def test_no_name_is_refused(names, endpoint):
     with pytest.raises(ConfigError, match="--names"):
-        open_source.from_endpoint(endpoint, names, "vrx32")
+        sources.from_endpoint(endpoint, names, "vrx32")
 
 
 def test_a_folder_where_nothing_sails_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="no run in real time"):
-        open_source.from_run(tmp_path)
+        sources.from_run(tmp_path)

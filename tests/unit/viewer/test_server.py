@@ -9,9 +9,8 @@ import pytest
 from aiohttp import WSServerHandshakeError
 from aiohttp.test_utils import TestClient, TestServer
 
-from twinscrew.hil_sim.viewer.loopback import HOST
-from twinscrew.hil_sim.viewer.recorded import RecordedSource
-from twinscrew.hil_sim.viewer.server import PAGE, PERIOD_S, Server
+from twinscrew.hil_sim.viewer.server import HOST, PAGE, PERIOD_S, Server
+from twinscrew.hil_sim.viewer.sources import RecordedSource
 from twinscrew.hil_sim.viewer.wire import Part
 
 
@@ -158,17 +157,30 @@ def test_other_peoples_pages_are_refused(source, headers):
 class Live:
     """A recording's last moment, as if it were now."""
 
-    mode, duration_s = "live", 0.0
+    mode, duration_s, begin_s = "live", 0.0, 0.0
+    datum = result = None
+    takes_orders = False
     revision = 0
 
     def __init__(self, source):
         self.names, self.scene, self._source = source.names, source.scene, source
+        self.orders = []
 
     def now_s(self):
         return 0.0
 
     def trails(self):
         return self._source.trails()
+
+    def series(self):
+        return self._source.series()
+
+    def events(self):
+        return self._source.events()
+
+    def order(self, order):
+        self.orders.append(order)
+        return "done"
 
     def parts(self, time_s):
         return self._source.parts(3.0)

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from twinscrew.hil_sim.viewer.vessel import EVENTS, FRESH_S, SHOWN, Vessel
+from twinscrew.hil_sim.viewer.vessel import FRESH_S, MOST_EVENTS, NEW_EVENTS, SHOWN, Vessel
 from twinscrew.runtime.geometry.frames import quaternion_from_euler
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS
@@ -127,7 +127,7 @@ def test_a_track_says_what_colregs_ask(vessel):
     towards = [(20.0, 20.0), (18.0, 28.0), (60.0, 20.0)]
     moving = [(-2.0, 0.0), (0.0, -2.0), (-2.0, 0.0)]
     vessel.take("decision", decision(p_N=towards, v_N=moving), 0.0)
-    asked = [track[-1] for track in view(vessel)["tracks"]]
+    asked = [track[7] for track in view(vessel)["tracks"]]
     assert asked == [Situation.HEAD_ON, Situation.GIVE_WAY, Situation.NONE]
 
 
@@ -200,11 +200,14 @@ def test_a_viewer_that_came_late_knows_that_a_boat_whose_policy_is_asked_is_acti
 
 
 def test_only_the_last_events_are_kept(vessel):
-    for count in range(100):
+    for count in range(MOST_EVENTS + 100):
         event = HealthEvent(stamp_ns=S, name=f"e{count}", severity=Severity.INFO)
         vessel.take("diagnostics", events(event), float(count))
-    assert len(view(vessel)["events"]) == EVENTS
-    assert view(vessel)["events"][-1][1] == "e99"
+    shown = view(vessel)
+    assert len(shown["events"]) == NEW_EVENTS
+    assert shown["events"][-1][1] == f"e{MOST_EVENTS + 99}"
+    assert shown["event_count"] == MOST_EVENTS + 100
+    assert len(vessel.events) == MOST_EVENTS
 
 
 @pytest.mark.parametrize("topic", SHOWN)
