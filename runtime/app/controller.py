@@ -224,7 +224,10 @@ class Controller:
         return now_s < self._held_until_s
 
     def explain(self, decision: Decision) -> Explanation | None:
-        """Say what the newest decision does and why; None before the first odometry."""
+        """Say what the newest decision does and why; None before the first odometry.
+
+        Words must never stop the boat: whatever fails in making them leaves them out.
+        """
         self._assurance = assurance_manoeuvre(decision, self._assurance) if self._engaged else ""
         odometry, goal = self.core.odometry, self.core.pipeline.mission.goal
         if odometry is None:
