@@ -30,6 +30,8 @@ APART_M = 3.0
 be a blot."""
 REACHES = (1.0, 1.3, 1.7, 2.2, 3.0, 4.0)
 """[-] How far from an outline its number may be written, in half outlines."""
+AXES_IN = 5.3
+"""[in] Width of the map."""
 LABEL_PT = 7.0
 """[pt] Size of the numbers."""
 MARGIN_M = 3.0
@@ -156,10 +158,12 @@ def trajectory_figure(
     sailed = np.concatenate([rows[until, i] for i, until in enumerate(under_way)])
     low, high = shown(scenario, sailed[:, None])
     tall, wide = high - low
-    height = min(max(5.5 * tall / wide, 3.0), 9.0)
-    figure = Figure(figsize=(8.6, height + 0.9), dpi=130, layout="constrained")
+    # Placed by hand: matplotlib's own layouts need several drawings until they have settled.
+    height = min(max(AXES_IN * tall / wide, 3.0), 9.0)
+    size = np.array([AXES_IN + 3.5, height + 0.95])
+    figure = Figure(figsize=tuple(size), dpi=130)
     FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
+    axes = figure.add_axes((0.7 / size[0], 0.55 / size[1], AXES_IN / size[0], height / size[1]))
     _draw_map(axes, scenario, low, high)
     labels: list[_Label] = []
     for i, name in enumerate(scenario.names):
@@ -169,9 +173,8 @@ def trajectory_figure(
         axes.plot([], [], color=colour, linewidth=2, label=words)
         axes.plot(*scenario.starts[i, 1::-1], "o", color=colour, markersize=7, zorder=4)
         axes.plot(*scenario.goals[i, ::-1], "*", color=colour, markersize=13, zorder=4)
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # the axes have their place now, and keep it
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=9)
+    axes.apply_aspect()  # the axes have their place now
     _write(axes, labels)
     return figure
 

@@ -326,6 +326,7 @@ tabs.forEach((tab, i) => {
   });
 });
 
+window.twinscrew = { model, chart, watch }; // to look into, from a browser's console
 const wide = matchMedia("(min-width: 90rem)");
 find("legend").open = wide.matches;
 watchTheme(() => {

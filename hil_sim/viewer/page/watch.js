@@ -32,7 +32,7 @@ export class Alarms {
     for (const one of holding.values()) {
       const alarm = this.all.get(one.key) ?? { ...one, since: time, shown: false, acknowledged: false };
       Object.assign(alarm, one, { last: time, active: true });
-      if (!alarm.shown && (model.jumped || !one.track || time - alarm.since >= HOLD_S)) {
+      if (!alarm.shown && (model.jumped || !model.playing || !one.track || time - alarm.since >= HOLD_S)) {
         alarm.shown = true;
         raised.push(alarm);
         this.#note(time, alarm, "alarm", "error");
