@@ -18,14 +18,16 @@ export class Alarms {
   constructor() {
     this.all = new Map(); // key -> { key, words, vessel, track, active, acknowledged, raised }
     this.log = []; // what was raised and acknowledged: { time, vessel, name, severity, detail }
+    this.frame = null; // the one taken in last: it may be looked at again with other limits
   }
 
   // Takes in a frame; gives those that are new.
   step(model, limits) {
-    if (model.jumped) {
+    if (model.jumped && model.frame !== this.frame) {
       this.all.clear();
       this.log = [];
     }
+    this.frame = model.frame;
     const { time } = model;
     const holding = new Map(conditions(model, limits).map((one) => [one.key, one]));
     const raised = [];

@@ -240,7 +240,7 @@ def test_a_cloud_whose_body_is_damaged_is_refused_when_it_would_be_drawn(vessel)
 
 def test_every_track_has_its_closest_approach(vessel):
     vessel.take("odometry", odometry(heading=0.0, surge=2.0), 0.0)
-    vessel.take("decision", decision(p_N=[(20.0, 20.0), (10.0, 12.0)], v_N=[(0, 0), (0, 3)]), 0.0)
+    vessel.take("decision", decision(p_N=[(20.0, 20.0), (10.0, 12.0)], v_N=[(0, 0), (0, -3)]), 0.0)
     ahead, beside = view(vessel)["tracks"]
     assert ahead[8:] == pytest.approx([10.0 - 1.5 - 2.795, -1.5 - 2.795, 5.0], abs=0.01)
     assert beside[10] == 0.0, "it draws apart already"
