@@ -1,6 +1,7 @@
 """The live view's page in a real browser: headless Chromium, as Debian packages it."""
 
 import re
+import signal
 import socket
 import subprocess
 import sys
@@ -137,7 +138,7 @@ def test_the_drawn_zones_are_those_that_the_runtime_checks(page, viewer):
     visit(page, viewer)
     drawn = page.evaluate(
         """async (zones) => {
-            const { headOnZone, crossingZone } = await import("/chart.js");
+            const { headOnZone, crossingZone } = await import("/draw.js");
             return [headOnZone(zones), crossingZone(zones)];
         }""",
         msgspec.to_builtins(ColregsSettings()),
@@ -313,9 +314,10 @@ def test_a_run_in_real_time_is_seen_as_it_sails(page, tmp_path):
             assert frames(page) == stands
             page.keyboard.press("Space")
             until(lambda: frames(page) > stands)
-            until(lambda: told(page, "connection") == "lost")  # the run is over
+            until(lambda: told(page, "mode") == "recording")  # the run is over
             assert page.complaints == [] or all("WebSocket" in c for c in page.complaints)
         finally:
+            sitl.send_signal(signal.SIGINT)
             sitl.wait(PATIENCE_S)
     assert sitl.returncode in {0, 1}, (tmp_path / "said.txt").read_text()
     assert (tmp_path / "run" / "summary.json").is_file()

@@ -242,11 +242,10 @@ def test_a_run_in_real_time_goes_over_into_its_replay_with_the_result(page, tmp_
             assert told(page, "alarms") == "0"
             seek(page, 2.0)
             assert page.locator(".card .state").inner_text() == "active"
-            sitl.send_signal(signal.SIGINT)
-            until(lambda: told(page, "connection") == "lost")
         finally:
             sitl.send_signal(signal.SIGINT)
             sitl.wait(PATIENCE_S)
+    until(lambda: told(page, "connection") == "lost")
     assert sitl.returncode in {0, 1}, said.read_text()
 
 

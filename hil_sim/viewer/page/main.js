@@ -1,6 +1,7 @@
 // Puts the page together: connection -> model -> chart, cards, watch, time.
 
-import { Camera, Chart, watchTheme } from "./chart.js";
+import { Camera, Chart } from "./chart.js";
+import { watchTheme } from "./draw.js";
 import { Hands, keyControls } from "./hands.js";
 import { Connection, Model, VERSION, bearing, clock, compass, distance } from "./model.js";
 import { Panel } from "./panel.js";

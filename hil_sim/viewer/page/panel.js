@@ -1,6 +1,6 @@
 // The cards at the side: what a vessel is doing and why, in words and figures.
 
-import { colours, vesselColour } from "./chart.js";
+import { colours, vesselColour } from "./draw.js";
 import { compass, courseOf, distance, isSilent } from "./model.js";
 
 const FEW = 2; // more vessels than this have shorter cards

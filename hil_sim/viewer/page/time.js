@@ -1,6 +1,6 @@
 // Time: pause, slider and speed, the strip of events, and figures over time.
 
-import { colours, vesselColour } from "./chart.js";
+import { colours, vesselColour } from "./draw.js";
 import { clock } from "./model.js";
 
 const LIVE_S = 600; // the strip of events of a live view shows the last ten minutes

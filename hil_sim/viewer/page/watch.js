@@ -1,7 +1,7 @@
 // The watch: alarms that want to be acknowledged, every track's closest approach, what happened.
 
 import { bearing, clock, compass, isSilent } from "./model.js";
-import { colours, vesselColour } from "./chart.js";
+import { colours, vesselColour } from "./draw.js";
 
 const HOLD_S = 0.3; // a track must be too near for this long: one scan may err
 const OVER_S = 1; // and not be so for this long before the alarm is over
