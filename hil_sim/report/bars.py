@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twinscrew.hil_sim.experiments.sets import SetSettings
+from twinscrew.hil_sim.experiments.plan import SetSettings
 from twinscrew.hil_sim.figures import COLOURS, save
 from twinscrew.hil_sim.report.material import Material
 

@@ -233,7 +233,11 @@ class Controller:
         if odometry is None:
             return None
         goal_N = None if goal is None else goal.position_N
-        return explain(decision, odometry, goal_N, engaged=self._engaged, assurance=self._assurance)
+        acts = self._engaged and not self._inputs_too_old and not self._is_held(self._now_s)
+        try:
+            return explain(decision, odometry, goal_N, engaged=acts, assurance=self._assurance)
+        except Exception:  # see above
+            return None
 
     def _sense(self, topic: str, payload: bytes, now_s: float) -> Handled:
         events: tuple[HealthEvent, ...] = ()

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from tests.unit.report.results_folder import folder, made_up
 
-from twinscrew.hil_sim.experiments.sets import SetSettings
+from twinscrew.hil_sim.experiments.plan import SetSettings
 from twinscrew.hil_sim.report.bars import success_figure, words
 from twinscrew.hil_sim.report.material import gather
 
