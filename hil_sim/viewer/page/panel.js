@@ -103,7 +103,7 @@ export class Panel {
 
 // The sentence, with the names of those tracks that are vessels on this page.
 function named({ why, tracks }) {
-  return why.replace(/track (\d+)/g, (words, id) => tracks.find((track) => String(track.id) === id)?.name || words);
+  return why.replace(/track (\d+)/gi, (words, id) => tracks.find((track) => String(track.id) === id)?.name || words);
 }
 
 function silentWords({ silent_s: silent }) {
