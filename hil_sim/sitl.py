@@ -20,7 +20,9 @@ from twinscrew.hil_sim.sitl_voyages import (
     sail_in_step,
     sail_with_faults,
 )
-from twinscrew.hil_sim.world import make_world
+from twinscrew.hil_sim.supervisor import Result
+from twinscrew.hil_sim.viewer.scene import OutcomeLog
+from twinscrew.hil_sim.world import World, make_world
 from twinscrew.runtime.errors import ConfigError
 
 __all__ = ["SitlReport", "SitlSettings", "sail"]
@@ -56,7 +58,7 @@ def sail(
         world=world,
         configs=configs,
         folders=folders,
-        progress=progress,
+        progress=_noted(progress, folder, world),
         tell=tell,
     )
     begin_s = time.monotonic()
@@ -72,6 +74,20 @@ def sail(
     if folder is not None:
         _draw(folder / "trajectories.png", scenario, sailed, report)
     return report
+
+
+def _noted(progress: Progress | None, folder: Path | None, world: World) -> Progress | None:
+    """Have what becomes of the vessels written down, for those who look on."""
+    if folder is None:
+        return progress
+    log = OutcomeLog(folder, world)
+
+    def note(time_s: float, results: tuple[Result, ...]) -> None:
+        log.note(results)
+        if progress is not None:
+            progress(time_s, results)
+
+    return note
 
 
 def _report(settings: SitlSettings, sailed: Sailed, wall_s: float) -> SitlReport:

@@ -36,6 +36,6 @@ def draw_learning_curves(groups: Mapping[str, list[Path]], file: Path) -> None:
             )
         axis.set(xlabel="transitions [million]", ylabel=label)
         axis.grid(alpha=0.3)
-    axes[0].legend()
+    axes[0].legend(title="line: mean, band: standard error")
     figure.savefig(file)
     plt.close(figure)

@@ -50,7 +50,10 @@ def sitl(
     out: Annotated[Path | None, typer.Option(help="Folder of the run's files.")] = None,
     view: Annotated[
         bool,
-        typer.Option("--view", help="Show it in a browser; with --lockstep, when it is over."),
+        typer.Option("--view", help="Show it in a browser, and its replay until Ctrl-C."),
+    ] = False,
+    orders: Annotated[
+        bool, typer.Option("--orders", help="With --view: let the page give goals and stop boats.")
     ] = False,
     port: Annotated[
         int, typer.Option(help="With --view: port of the page; 0: any.", min=0, max=65535)
@@ -90,6 +93,8 @@ def sitl(
     set-up error.
     """
     made = _with_limit(load_scenario(scenario, vessels, buoys, seed), max_time)
+    if orders and (lockstep or not view):
+        raise ConfigError("only with --view, and in real time", key="--orders")
     if ardupilot_binary is not None and autopilot is not AutopilotKind.ARDUPILOT:
         raise ConfigError("only with --autopilot ardupilot", key="--ardupilot-binary")
     settings = SitlSettings(
@@ -116,15 +121,20 @@ def sitl(
             console.print(
                 f"{many}, {escape(made.name)}, seed {seed}, policy {escape(policy)}, {pace}"
             )
+        shown = None
         if view and not lockstep:
-            shown = stack.enter_context(viewer("run", folder, port))
+            shown = stack.enter_context(viewer("run", folder, port, orders=orders))
             console.print(f"live view: [bold]{shown.url}[/bold]")
         report = sail_shown(made, settings, folder, console, quiet=as_json)
-    setup = {"scenario": made.name, **msgspec.to_builtins(settings)}
-    write_summary(folder / "summary.json", report, setup)
-    tell(report, folder, as_json=as_json)
-    if view and lockstep:
-        _show(folder, port, console)
+        setup = {"scenario": made.name, **msgspec.to_builtins(settings)}
+        write_summary(folder / "summary.json", report, setup)  # the live view goes over to replay
+        tell(report, folder, as_json=as_json)
+        if view and lockstep:
+            shown = stack.enter_context(viewer("replay", folder, port))
+        if shown is not None:
+            console.print(f"replay: [bold]{shown.url}[/bold], until Ctrl-C")
+            with suppress(KeyboardInterrupt):
+                shown.wait()
     if not report.success or not report.kept:
         raise typer.Exit(NOT_ALL_ARRIVED)
 
@@ -156,10 +166,3 @@ def _new_folder(out: Path | None) -> Iterator[Path]:
             if not there:
                 folder.rmdir()
         raise
-
-
-def _show(folder: Path, port: int, console: Console) -> None:
-    with viewer("replay", folder, port) as shown:
-        console.print(f"view: [bold]{shown.url}[/bold], until Ctrl-C")
-        with suppress(KeyboardInterrupt):
-            shown.wait()

@@ -47,8 +47,8 @@ def draw(
         raise TwinscrewError("--plot needs matplotlib: pip install 'twinscrew[sim]'") from error
     figure = Figure(figsize=(11, 11), layout="constrained")
     axes = figure.subplots(3, 1, height_ratios=[1, 1, 5])
-    _draw_image(axes[0], perception.range_image(), "range [m]", perception)
-    _draw_image(axes[1], perception.object_image(), "objects", perception)
+    _draw_image(axes[0], perception.range_image(), "range image", perception)
+    _draw_image(axes[1], perception.object_image(), "objects, each in its colour", perception)
     _draw_points(axes[2], perception, cloud)
     _draw_circles(axes[2], perception, objects, truth, tracks)
     try:
@@ -63,7 +63,7 @@ def _draw_image(axes: Axes, image: Any, title: str, perception: Perception) -> N
     sensor = perception.sensor
     first = np.degrees(sensor.first_azimuth)
     last = first + np.degrees(sensor.azimuth_step) * image.shape[1]
-    axes.imshow(
+    picture = axes.imshow(
         shown,
         vmin=0,
         vmax=perception.settings.max_range_m if ranges else COLOURS - 1,
@@ -74,6 +74,8 @@ def _draw_image(axes: Axes, image: Any, title: str, perception: Perception) -> N
         extent=(first, last, 0, image.shape[0]),
     )
     axes.set(title=title, xlabel="azimuth, clockwise [deg]", ylabel="beam")
+    if ranges:
+        axes.figure.colorbar(picture, ax=axes, label="range [m]", pad=0.01)
 
 
 def _coloured(numbers: Any) -> Any:
@@ -110,7 +112,12 @@ def _draw_circles(
     if truth is not None:
         _draw_moving(axes, truth, "truth", "red", "--")
     reach = perception.settings.max_range_m
-    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", title="from above")
+    axes.set(
+        xlim=(-reach, reach),
+        ylim=(-reach, reach),
+        aspect="equal",
+        title="from above: echoes in the colour of their object, others grey",
+    )
     axes.set(xlabel="starboard [m]", ylabel="forward [m]")
     axes.legend(loc="upper right")
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twinscrew.hil_sim.figures import COLOURS
+from twinscrew.hil_sim.experiments.plan import SetSettings
+from twinscrew.hil_sim.figures import COLOURS, save
 from twinscrew.hil_sim.report.material import Material
 
 if TYPE_CHECKING:
@@ -19,7 +20,12 @@ METHOD_COLOURS = (*COLOURS, "#999999")
 
 
 def draw_success(path: Path, material: Material) -> None:
-    """Draw success rates, a group of bars a set, with Wilson's 95 % intervals."""
+    """Draw success rates, a group of bars a set, with Wilson's 95 % intervals; PNG and SVG."""
+    save(success_figure(material), path)
+
+
+def success_figure(material: Material) -> Figure:
+    """Give the figure of `draw_success`."""
     figure, axes = _canvas(width=10.0)
     width = 0.84 / len(material.methods)
     for k, method in enumerate(material.methods):
@@ -33,13 +39,24 @@ def draw_success(path: Path, material: Material) -> None:
         style = {"elinewidth": 0.8, "ecolor": "0.25", "capsize": 1.5}
         colour = METHOD_COLOURS[k % len(METHOD_COLOURS)]
         axes.bar(x, rate, width, label=method, color=colour, yerr=error, error_kw=style)
-    axes.set_xticks(range(len(material.sets)), material.sets)
-    axes.set(ylabel="success rate [%]", ylim=(0, 100))
+    axes.set_xticks(range(len(material.sets)), [words(one) for one in material.experiment.sets])
+    # A little above 100 %, so that a bar that reaches it shows its interval's end.
+    axes.set(ylabel="success rate [%]", ylim=(0, 103), yticks=range(0, 101, 20))
+    axes.plot([], [], color="0.25", linewidth=0.8, label="95 % interval (Wilson)")
     axes.grid(axis="y", color="0.92")
     axes.set_axisbelow(True)
-    axes.legend(ncols=len(material.methods), loc="lower center", bbox_to_anchor=(0.5, 1.0),
-                frameon=False)  # fmt: skip
-    figure.savefig(path)
+    columns = min(len(material.methods) + 1, 5)
+    axes.legend(ncols=columns, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
+    return figure
+
+
+def words(one: SetSettings) -> str:
+    """Give a set's name as people read it: what is in it, if the set says so."""
+    if one.vessels is None or one.buoys is None:
+        return one.name
+    vessels = f"{one.vessels} vessel{'s' if one.vessels > 1 else ''}"
+    buoys = f"{one.buoys or 'no'} buoy{'' if one.buoys == 1 else 's'}"
+    return f"{vessels},\n{buoys}"
 
 
 def draw_closest(path: Path, material: Material) -> None:
@@ -62,7 +79,7 @@ def draw_closest(path: Path, material: Material) -> None:
     axes.grid(color="0.92")
     axes.set_axisbelow(True)
     axes.legend(frameon=False)
-    figure.savefig(path)
+    save(figure, path)
 
 
 def _canvas(width: float) -> tuple[Figure, Axes]:

@@ -34,8 +34,15 @@ class Viewer:
 
 
 @contextmanager
-def viewer(way: Literal["run", "replay"], folder: Path, port: int) -> Iterator[Viewer]:
+def viewer(
+    way: Literal["run", "replay"], folder: Path, port: int, *, orders: bool = False
+) -> Iterator[Viewer]:
     """Have a viewer look at a run or its recordings inside the context.
+
+    Parameters
+    ----------
+    orders
+        Whether its page may give goals.
 
     Raises
     ------
@@ -44,7 +51,7 @@ def viewer(way: Literal["run", "replay"], folder: Path, port: int) -> Iterator[V
     """
     command = [sys.executable, "-m", "twinscrew.runtime.app", "view"]
     command += [f"--{way}", str(folder), "--port", str(port)]
-    command += ["--tethered"]
+    command += ["--tethered", *(["--orders"] if orders else [])]
     with ExitStack() as stack:
         with undisturbed():
             process = subprocess.Popen(

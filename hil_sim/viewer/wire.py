@@ -1,8 +1,8 @@
-"""What the page is sent: a greeting in JSON, then binary frames.
+"""What the page is sent: a greeting in JSON, then binary frames; and what it may ask for.
 
 A frame is the length of its head (uint32, little endian), the head in JSON, padding to a multiple
 of four bytes, and the points of all vessels in the head's order: pairs of int16, centimetres north
-and east of their vessel. The page's `wire.js` reads it.
+and east of their vessel. The page's `model.js` reads it.
 """
 
 from __future__ import annotations
@@ -16,8 +16,12 @@ import msgspec
 
 from twinscrew.runtime.errors import NOT_THE_FORMAT
 
+VERSION = 2
+"""[-] Of what goes over the wire; a page of another version reloads itself."""
 POINT_BYTES = 4
 """[B] Two int16."""
+SERIES = ("time_s", "speed", "to_goal", "nearest", "cpa", "left", "right", "latency")
+"""The columns of a vessel's time series: [s], [m/s], [m], [m], [m], [N], [N], [ms]."""
 
 
 class TrackView(msgspec.Struct, frozen=True, array_like=True):
@@ -33,6 +37,12 @@ class TrackView(msgspec.Struct, frozen=True, array_like=True):
     """[s] Since the last scan in which it was seen."""
     situation: int
     """What COLREGs ask of the vessel (`policy.colregs.Situation`)."""
+    gap: float
+    """[m] Between the two surfaces now."""
+    cpa: float
+    """[m] Between the two surfaces when they are nearest on present courses; negative: contact."""
+    tcpa: float
+    """[s] When that is; 0: they draw apart already."""
 
 
 class EventView(msgspec.Struct, frozen=True, array_like=True):
@@ -43,6 +53,15 @@ class EventView(msgspec.Struct, frozen=True, array_like=True):
     name: str
     severity: str
     detail: str
+
+
+class OutcomeView(msgspec.Struct, frozen=True):
+    """How a vessel's run has ended."""
+
+    outcome: str
+    """goal, collision or timeout."""
+    travel_time_s: float | None = None
+    closest_approach_m: float | None = None
 
 
 class VesselView(msgspec.Struct, frozen=True, kw_only=True):
@@ -60,7 +79,19 @@ class VesselView(msgspec.Struct, frozen=True, kw_only=True):
     goal: tuple[float, float] | None = None
     """[m] North, east."""
     arrived: bool = False
+    ended: OutcomeView | None = None
+    """Its run is over: its sensors are switched off, and that is no alarm."""
     state: str = "unknown"
+    autopilot: str = ""
+    """Mode, arming, battery, as far as the boat said."""
+    engaged: bool | None = None
+    """Whether the thrust acts; None if the boat has not said."""
+    why: str = ""
+    """What it is doing and why, in one sentence."""
+    about: int = -1
+    """[-] The track that the sentence is about; -1: none."""
+    rule: int = 0
+    """The COLREGs rule that the sentence names."""
     latency_ms: float | None = None
     """[ms] From the last scan's sending to its decision's."""
     decisions: int = 0
@@ -70,6 +101,8 @@ class VesselView(msgspec.Struct, frozen=True, kw_only=True):
     """[m] North, east, radius."""
     events: tuple[EventView, ...] = ()
     """The last few, newest last."""
+    event_count: int = 0
+    """[-] How many there have been, so that a page knows which of the last few are new."""
     points: int = 0
     """[-] How many points of this vessel follow the head."""
 
@@ -82,6 +115,14 @@ class Part:
     points: bytes
 
 
+class Order(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What an operator wants a vessel to do: go to a place, or without a place, stop."""
+
+    vessel: str
+    goal: tuple[float, float] | None = None
+    """[m] North, east."""
+
+
 class Request(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What the page may ask for; fields that are left out stay as they are."""
 
@@ -90,6 +131,8 @@ class Request(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     """[s] Where to go on in a recording."""
     speed: float | None = None
     """[-] How fast to play a recording."""
+    order: Order | None = None
+    """Obeyed only if the view was started with orders switched on."""
 
 
 def encode_part(view: VesselView, points: bytes) -> Part:
@@ -128,6 +171,6 @@ def decode_request(text: str) -> Request | None:
         return None
 
 
-def encode_greeting(greeting: dict[str, Any]) -> str:
-    """Encode what is told once, before the first frame."""
-    return msgspec.json.encode(greeting).decode()
+def encode_words(what: dict[str, Any]) -> str:
+    """Encode what is not a frame: the greeting, and answers to orders."""
+    return msgspec.json.encode(what).decode()

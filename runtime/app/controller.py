@@ -17,7 +17,13 @@ from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotStatus
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS
-from twinscrew.runtime.messages.types import Decision, Engagement, Float64, HealthEvent
+from twinscrew.runtime.messages.types import (
+    Decision,
+    Engagement,
+    Explanation,
+    Float64,
+    HealthEvent,
+)
 from twinscrew.runtime.safety.events import (
     BAD_MESSAGE,
     GUARD_TRIPPED,
@@ -27,6 +33,7 @@ from twinscrew.runtime.safety.events import (
     PERCEPTION_ERROR,
     POLICY_ERROR,
 )
+from twinscrew.runtime.safety.explain import assurance_manoeuvre, explain
 from twinscrew.runtime.safety.guard import NEUTRAL, Guard
 from twinscrew.runtime.safety.watchdog import Watchdog
 
@@ -86,6 +93,7 @@ class Controller:
         self._has_looked = not looks_first
         self._inputs_too_old = False
         self._held_until_s = self._now_s = -math.inf
+        self._assurance = ""
 
     @property
     def state(self) -> State:
@@ -214,6 +222,22 @@ class Controller:
 
     def _is_held(self, now_s: float) -> bool:
         return now_s < self._held_until_s
+
+    def explain(self, decision: Decision) -> Explanation | None:
+        """Say what the newest decision does and why; None before the first odometry.
+
+        Words must never stop the boat: whatever fails in making them leaves them out.
+        """
+        self._assurance = assurance_manoeuvre(decision, self._assurance) if self._engaged else ""
+        odometry, goal = self.core.odometry, self.core.pipeline.mission.goal
+        if odometry is None:
+            return None
+        goal_N = None if goal is None else goal.position_N
+        acts = self._engaged and not self._inputs_too_old and not self._is_held(self._now_s)
+        try:
+            return explain(decision, odometry, goal_N, engaged=acts, assurance=self._assurance)
+        except Exception:  # see above
+            return None
 
     def _sense(self, topic: str, payload: bytes, now_s: float) -> Handled:
         events: tuple[HealthEvent, ...] = ()

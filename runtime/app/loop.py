@@ -134,7 +134,8 @@ class Loop:
             self._send(self._controller.command(self._clock()))
             latency_ms = self._note_latency(message)
             self._desk.report.decided(handled.decision, latency_ms, self._clock())
-            self._outlet.decided(handled.decision, self._controller.thrust)
+            why = self._controller.explain(handled.decision) if self._outlet.is_told else None
+            self._outlet.decided(handled.decision, self._controller.thrust, why)
         self._tell(handled.events)
 
     def _tick(self) -> None:
@@ -150,7 +151,8 @@ class Loop:
         self._tell(events)
         self._outlet.thrust(self._controller.thrust)
         self._look_for_losses()
-        self._outlet.state(self._controller.state.value, self._controller.stamp_ns)
+        autopilot = self._controller.link.status.words
+        self._outlet.state(self._controller.state.value, self._controller.stamp_ns, autopilot)
         self._manager.alive(now_s, self._controller.state.value)
 
     def _hear_autopilot(self, now_s: float) -> None:

@@ -16,10 +16,11 @@ from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
     Decision,
+    Explanation,
     Float64,
     HealthEvent,
 )
-from twinscrew.runtime.safety.events import STATE_NOW
+from twinscrew.runtime.safety.events import AUTOPILOT_NOW, STATE_NOW
 
 STATE_EVERY_NS = NANOSECONDS_PER_SECOND
 """[ns] How often the state is told while it stays as it is."""
@@ -85,7 +86,7 @@ class Outlet:
             transforms = self._frames.see(topic, payload) if self._frames else None
             if transforms is not None:
                 self._recorder.record("transforms", transforms, self._clock_ns())
-        if topic == "odometry" and self._is_told:
+        if topic == "odometry" and self.is_told:
             path = self._wake.see(payload)
             if path is not None:
                 self._tell("path", path)
@@ -99,14 +100,18 @@ class Outlet:
         """Tell that the right to drive changed; it is a core input too, so tell it first."""
         self._tell("engagement", payload)
 
-    def decided(self, decision: Decision, thrust: Float64) -> None:
-        """Tell a decision, what it was made of, and the thrust."""
+    def decided(
+        self, decision: Decision, thrust: Float64, explanation: Explanation | None = None
+    ) -> None:
+        """Tell a decision, why it was made, what it was made of, and the thrust."""
         payload = cdr.encode_decision(decision)
         self._hash.add(payload)
         self.decisions += 1
-        if not self._is_told:
+        if not self.is_told:
             return
         self._tell("decision", payload)
+        if explanation is not None:
+            self._tell("explanation", cdr.encode_explanation(explanation))
         self._tell("objects", cdr.encode_object_markers(decision.objects))
         self._tell("tracks", cdr.encode_track_markers(decision.tracks))
         self.thrust(thrust)
@@ -118,12 +123,16 @@ class Outlet:
             payload = cdr.encode_diagnostics(events, stamp_ns=stamp_ns, hardware_id=self._vessel)
             self._tell("diagnostics", payload)
 
-    def state(self, state: str, stamp_ns: int) -> None:
-        """Tell the vessel's state once a second: who begins to look has not heard of its change."""
+    def state(self, state: str, stamp_ns: int, autopilot: str = "") -> None:
+        """Tell the vessel's state once a second: who begins to look has not heard of its change.
+
+        With it goes what is known of the autopilot, in words.
+        """
         now_ns, told_ns = self._clock_ns(), self._state_told_ns
         if told_ns is None or not 0 <= now_ns - told_ns < STATE_EVERY_NS:
             self._state_told_ns = now_ns
-            self.happened((STATE_NOW.at(stamp_ns, state),))
+            known = (AUTOPILOT_NOW.at(stamp_ns, autopilot),) if autopilot else ()
+            self.happened((STATE_NOW.at(stamp_ns, state), *known))
 
     def thrust(self, thrust: Float64) -> None:
         """Tell what the propellers are asked for: a VRX takes it from here."""
@@ -146,7 +155,7 @@ class Outlet:
         return ", ".join(f"{count} {what}" for what, count in missing.items())
 
     @property
-    def _is_told(self) -> bool:
+    def is_told(self) -> bool:
         """Whether anybody is told anything."""
         return self._bus is not None or self._recorder is not None
 

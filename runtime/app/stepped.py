@@ -103,7 +103,8 @@ class SteppedRuntime:
         if handled.decision is not None:
             command = self.controller.command(now_s)
             self.latencies.add((time.perf_counter_ns() - begin_ns) / 1e6)
-            self.outlet.decided(handled.decision, self.controller.thrust)
+            why = self.controller.explain(handled.decision) if self.outlet.is_told else None
+            self.outlet.decided(handled.decision, self.controller.thrust, why)
         self.outlet.happened(handled.events)
         return command
 

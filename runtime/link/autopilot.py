@@ -212,6 +212,8 @@ class AutopilotLink:
             bad_frames=self.wire.bad_frames,
             old_frames=self.wire.old_frames,
             parameters_wrong=listener.parameters.wrong,
+            battery_v=listener.battery[0],
+            battery_percent=listener.battery[1],
         )
 
     def _requests(self, now_s: float, *, may_ask: bool) -> list[Message]:

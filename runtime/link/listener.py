@@ -20,6 +20,7 @@ from twinscrew.runtime.link.wire import Message
 
 _TEXTS = 100
 """[-] The most texts kept until somebody asks: a chatty autopilot must not fill the memory."""
+_NO_VOLTAGE = 65535
 _TEXT_LENGTH = 500
 """[-] Nor an endless one."""
 
@@ -47,6 +48,8 @@ class Listener:
         self.is_boat = False
         self.heartbeat_s = self.message_s = self.servo_s = -math.inf
         """[s] When the last one of each came."""
+        self.battery: tuple[float | None, int | None] = (None, None)
+        """[V, %] What SYS_STATUS said last; None where it does not know."""
         self._settings = settings
         self._handlers: dict[str, Callable[[Message, float], None]] = {
             "HEARTBEAT": self._on_heartbeat,
@@ -54,6 +57,7 @@ class Listener:
             "COMMAND_ACK": self._on_ack,
             "STATUSTEXT": self._on_text,
             "PARAM_VALUE": self._on_parameter,
+            "SYS_STATUS": self._on_system_status,
             "GPS_GLOBAL_ORIGIN": self.odometry.origin,
             "TIMESYNC": self.odometry.clock.answered,
         }
@@ -103,6 +107,12 @@ class Listener:
     def _on_servo_output(self, message: Message, now_s: float) -> None:
         self.servo_s = now_s
         self.obedience.measured((message.servo1_raw, message.servo3_raw), STOP_US, now_s)
+
+    def _on_system_status(self, message: Message, _now_s: float) -> None:
+        volts = message.voltage_battery  # [mV]; 65535: not sent
+        left = message.battery_remaining  # [%]; -1: not known
+        known = 0 < volts < _NO_VOLTAGE
+        self.battery = (volts / 1000 if known else None, left if 0 <= left <= 100 else None)
 
     def _on_ack(self, message: Message, _now_s: float) -> None:
         us = (self._settings.system_id, self._settings.component_id)

@@ -37,7 +37,23 @@ class AutopilotStatus:
     parameters_wrong: tuple[str, ...]
     """Words about each parameter that is not what it must be."""
 
+    battery_v: float | None = None
+    """[V] As the autopilot measures it; None if it has not said."""
+    battery_percent: int | None = None
+    """[%] What is left of it; None if the autopilot does not know."""
+
     @property
     def engaged(self) -> bool:
         """Whether thrust commands act: heard, a boat, armed, in MANUAL mode."""
         return self.connected and self.is_boat and self.armed and self.mode == "MANUAL"
+
+    @property
+    def words(self) -> str:
+        """Mode, arming and battery, as "MANUAL, armed, 12.6 V 87 %"."""
+        if not self.connected:
+            return "silent"
+        parts = [self.mode, "armed" if self.armed else "disarmed"]
+        if self.battery_v is not None:
+            left = "" if self.battery_percent is None else f" {self.battery_percent} %"
+            parts.append(f"{self.battery_v:.1f} V{left}")
+        return ", ".join(parts)

@@ -7,6 +7,7 @@ goes out is turned back. A payload that is not the message it should be is a `Me
 from twinscrew.runtime.messages.cloud import decode_point_cloud, encode_point_cloud
 from twinscrew.runtime.messages.decision import decode_decision, encode_decision
 from twinscrew.runtime.messages.diagnostics import decode_diagnostics, encode_diagnostics
+from twinscrew.runtime.messages.explanation import decode_explanation, encode_explanation
 from twinscrew.runtime.messages.imu import decode_imu, encode_imu
 from twinscrew.runtime.messages.markers import encode_object_markers, encode_track_markers
 from twinscrew.runtime.messages.navsat import decode_fix, encode_fix
@@ -33,6 +34,7 @@ __all__ = [
     "decode_decision",
     "decode_diagnostics",
     "decode_engagement",
+    "decode_explanation",
     "decode_fix",
     "decode_goal",
     "decode_imu",
@@ -44,6 +46,7 @@ __all__ = [
     "encode_decision",
     "encode_diagnostics",
     "encode_engagement",
+    "encode_explanation",
     "encode_fix",
     "encode_goal",
     "encode_imu",

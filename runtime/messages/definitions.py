@@ -66,6 +66,16 @@ twinscrew_msgs/Objects objects
 twinscrew_msgs/Tracks tracks
 twinscrew_msgs/HealthEvent[] events
 """,
+    "twinscrew_msgs/msg/Explanation": """
+# What the vessel is doing and why, of the decision with the same sequence.
+builtin_interfaces/Time stamp
+uint64 sequence
+string sentence
+int64 track     # that it is about; -1: none
+uint8 rule      # of the COLREGs between the two: 14, 15, 17 (stand on); 0: none
+float64 cpa_m   # least distance to the track's surface on present courses [m]; NaN: none
+float64 tcpa_s  # when [s]; NaN: none
+""",
 }
 """Our own types in ROS's definition language, by name."""
 

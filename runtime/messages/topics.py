@@ -14,6 +14,7 @@ from twinscrew.runtime.messages.cloud import POINT_CLOUD_TYPE
 from twinscrew.runtime.messages.decision import DECISION_TYPE
 from twinscrew.runtime.messages.definitions import type_hash
 from twinscrew.runtime.messages.diagnostics import DIAGNOSTICS_TYPE
+from twinscrew.runtime.messages.explanation import EXPLANATION_TYPE
 from twinscrew.runtime.messages.imu import IMU_TYPE
 from twinscrew.runtime.messages.markers import MARKERS_TYPE
 from twinscrew.runtime.messages.navsat import FIX_TYPE
@@ -170,6 +171,14 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 traffic=Traffic.STATUS,
                 rate_hz=10.0,
                 depth=64,
+            ),
+            Topic(
+                name="explanation",
+                key="explanation",
+                ros_type=EXPLANATION_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=10.0,
             ),
             Topic(
                 name="objects",

@@ -6,6 +6,7 @@ message has been made.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import TypeAlias
@@ -263,3 +264,23 @@ class Decision:
     events: tuple[HealthEvent, ...] = field(default=())
     arrived: bool = False
     """True once the (last) goal is reached."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Explanation:
+    """What the vessel is doing and why: made with each decision, and recorded beside it."""
+
+    stamp_ns: int
+    """[ns] The decision's stamp."""
+    sequence: int
+    """[-] The decision's number."""
+    sentence: str
+    """For people."""
+    track: int = -1
+    """[-] The track that it is about; -1 if none."""
+    rule: int = 0
+    """[-] The COLREGs rule that applies to the two: 14, 15, 17 (stand on); 0 if none."""
+    cpa_m: float = math.nan
+    """[m] Least distance to that track's surface on present courses; NaN if there is none."""
+    tcpa_s: float = math.nan
+    """[s] When that is; NaN if there is none."""

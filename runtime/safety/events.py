@@ -97,6 +97,9 @@ PRIORITY_REFUSED = _info(
 FILES_APPROVED = _info("files_approved", "Every file that was read agrees with the manifest.")
 STATE = _info("state", "The vessel's state changed.")
 STATE_NOW = _info("state_now", "Which state the vessel is in; told every second.")
+AUTOPILOT_NOW = _info(
+    "autopilot_now", "The autopilot's mode, whether it is armed, its battery; told every second."
+)
 LINK_DOWN = _error(
     "link_down", "The connection to the autopilot broke: it is opened again, neutral thrust."
 )

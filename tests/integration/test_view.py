@@ -1,33 +1,40 @@
 """The live view's page in a real browser: headless Chromium, as Debian packages it."""
 
-import json
-import os
 import re
-import shutil
+import signal
 import socket
 import subprocess
 import sys
-import time
 from dataclasses import replace
 
 import msgspec
 import numpy as np
 import pytest
 from matplotlib.path import Path
+from tests.harness.page import (
+    MIDDLE,
+    PATIENCE_S,
+    Viewer,
+    colours,
+    drawn_on,
+    frames,
+    open_layers,
+    pause_at,
+    seek,
+    style_colour,
+    told,
+    until,
+    visit,
+    wants_chromium,
+    without,
+)
 
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlSettings, sail
 from twinscrew.hil_sim.viewer.scene import write_scene
 from twinscrew.runtime.policy.colregs import ColregsSettings, in_crossing_zone, in_head_on_zone
 
-CHROMIUM = next(
-    filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None
-)
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None, reason="no Chromium: apt-get install chromium (Debian), or put one on PATH"
-)
-PATIENCE_S = 30.0
-"""[s] After this long without what is waited for, the test has failed; nothing is timed."""
+pytestmark = wants_chromium
 
 
 @pytest.fixture(scope="module")
@@ -39,121 +46,11 @@ def run(tmp_path_factory):
     return folder
 
 
-class Viewer:
-    """`twinscrew view` in a process of its own."""
-
-    def __init__(self, *arguments, port=0):
-        command = [sys.executable, "-m", "twinscrew.runtime.app", "view", *arguments]
-        self.process = subprocess.Popen(
-            [*command, "--port", str(port)], stdout=subprocess.PIPE, text=True
-        )
-        self.url = self.process.stdout.readline().strip()
-        assert self.url, "the viewer did not start"
-        self.port = int(self.url.rpartition(":")[2])
-
-    def stop(self):
-        self.process.terminate()
-        assert self.process.wait(PATIENCE_S) == 0
-        self.process.stdout.close()
-
-
 @pytest.fixture(scope="module")
 def viewer(run):
     viewer = Viewer("--replay", str(run))
     yield viewer
     viewer.stop()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        chromium = playwright.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox"] if os.geteuid() == 0 else []
-        )
-        yield chromium
-        chromium.close()
-
-
-@pytest.fixture
-def page(browser):
-    page = browser.new_page(viewport={"width": 1000, "height": 700}, color_scheme="light")
-    page.complaints, page.visited = [], []
-    page.on("console", lambda said: complain(page, said.text))
-    page.on("pageerror", lambda error: page.complaints.append(str(error)))
-    page.on("request", lambda request: page.visited.append(request.url))
-    yield page
-    page.close()
-
-
-def complain(page, said):
-    """Keep what the page complains of, but not the advice about these tests' look at its pixels."""
-    if "willReadFrequently" not in said:
-        page.complaints.append(said)
-
-
-def until(condition):
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline_s, "waited in vain"
-        time.sleep(0.05)
-
-
-def told(page, name):
-    return page.evaluate(f"document.body.dataset.{name} ?? ''")
-
-
-def frames(page):
-    return int(told(page, "frames") or 0)
-
-
-def visit(page, viewer):
-    page.goto(viewer.url)
-    until(lambda: frames(page) >= 3)
-
-
-def colours(page, left=0.0, top=0.0, right=1.0, bottom=1.0):
-    """Count the pixels of each colour in a part of the chart, in shares of its size."""
-    counted = page.evaluate(
-        """([left, top, right, bottom]) => {
-            const chart = document.getElementById("chart");
-            const [x, y] = [left * chart.width, top * chart.height].map(Math.floor);
-            const [w, h] = [(right - left) * chart.width, (bottom - top) * chart.height];
-            const { data } = chart.getContext("2d").getImageData(x, y, Math.ceil(w), Math.ceil(h));
-            const counts = {};
-            for (let i = 0; i < data.length; i += 4) {
-                const key = [data[i], data[i + 1], data[i + 2]].join();
-                counts[key] = (counts[key] ?? 0) + 1;
-            }
-            return JSON.stringify(counts);
-        }""",
-        [left, top, right, bottom],
-    )
-    return {tuple(map(int, key.split(","))): count for key, count in json.loads(counted).items()}
-
-
-def style_colour(page, name):
-    digits = page.evaluate(
-        f"getComputedStyle(document.documentElement).getPropertyValue('--{name}').trim()"
-    )
-    return tuple(bytes.fromhex(digits.removeprefix("#")))
-
-
-def drawn_on(page, selector):
-    """Count the pixels of a canvas that are not empty."""
-    return page.evaluate(
-        """(selector) => {
-            const canvas = document.querySelector(selector);
-            const { width, height } = canvas;
-            const { data } = canvas.getContext("2d").getImageData(0, 0, width, height);
-            return data.filter((value, i) => i % 4 === 3 && value > 0).length;
-        }""",
-        selector,
-    )
-
-
-MIDDLE = (0.44, 0.44, 0.56, 0.56)
 
 
 def test_it_connects_and_draws_both_vessels_on_the_water(page, viewer):
@@ -241,7 +138,7 @@ def test_the_drawn_zones_are_those_that_the_runtime_checks(page, viewer):
     visit(page, viewer)
     drawn = page.evaluate(
         """async (zones) => {
-            const { headOnZone, crossingZone } = await import("/zones.js");
+            const { headOnZone, crossingZone } = await import("/draw.js");
             return [headOnZone(zones), crossingZone(zones)];
         }""",
         msgspec.to_builtins(ColregsSettings()),
@@ -251,11 +148,6 @@ def test_the_drawn_zones_are_those_that_the_runtime_checks(page, viewer):
         shown = Path(corners).contains_points(np.column_stack([x, y]))
         assert 0.05 < shown.mean() < 0.5
         np.testing.assert_array_equal(shown, inside(x, y))
-
-
-def seek(page, seconds):
-    page.locator("#slider").fill(str(seconds))
-    until(lambda: abs(float(told(page, "time")) - seconds) < 1.0)
 
 
 def test_the_slider_goes_back_and_on(page, viewer):
@@ -285,6 +177,7 @@ def test_layers_can_be_hidden(page, viewer):
     until(lambda: page.locator("#play").inner_text() == "Play")
     seek(page, 6.0)
     with_all = colours(page)
+    open_layers(page)
     for box in page.locator("#layers input").all():
         box.uncheck()
     page.wait_for_timeout(200)
@@ -335,26 +228,6 @@ def test_it_survives_a_restart_of_its_server(page, run):
         again.stop()
 
 
-def pause_at(page, viewer, seconds):
-    """Show one moment, with a vessel followed."""
-    visit(page, viewer)
-    page.keyboard.press("Space")
-    until(lambda: page.locator("#play").inner_text() == "Play")
-    page.locator("#slider").fill(str(seconds))
-    until(lambda: float(told(page, "time")) == seconds)
-    page.keyboard.press("1")
-
-
-def without(page, layer):
-    """Give how many pixels change when a layer is hidden."""
-    page.wait_for_timeout(200)
-    shown = colours(page)
-    page.locator(f"#layers input[name={layer}]").uncheck()
-    until(lambda: colours(page) != shown)
-    hidden = colours(page)
-    return sum(abs(shown.get(key, 0) - hidden.get(key, 0)) for key in {*shown, *hidden}) / 2
-
-
 @pytest.mark.parametrize("layer", ["points", "objects", "tracks", "zones", "trails", "goals"])
 def test_every_layer_draws_something_of_a_crossing(page, viewer, layer):
     pause_at(page, viewer, 6.0)
@@ -364,6 +237,7 @@ def test_every_layer_draws_something_of_a_crossing(page, viewer, layer):
 def test_a_longer_way_leaves_a_longer_trail(page, viewer):
     pause_at(page, viewer, 2.0)
     short = without(page, "trails")
+    open_layers(page)
     page.locator("#layers input[name=trails]").check()
     page.locator("#slider").fill("7")
     until(lambda: float(told(page, "time")) == 7.0)
@@ -393,8 +267,10 @@ def test_the_sparkline_is_drawn_to_the_scale_of_its_largest_value(page, viewer):
     visit(page, viewer)
     rows = page.evaluate(
         """async () => {
-            const { drawSparkline } = await import("/sparkline.js");
-            const canvas = document.querySelector(".spark");
+            const { drawSparkline } = await import("/panel.js");
+            const canvas = document.createElement("canvas");
+            canvas.style.cssText = "width: 120px; height: 20px";
+            document.body.append(canvas);
             const rows = (values) => {
                 drawSparkline(canvas, values, "#000000");
                 const { width, height } = canvas;
@@ -438,9 +314,10 @@ def test_a_run_in_real_time_is_seen_as_it_sails(page, tmp_path):
             assert frames(page) == stands
             page.keyboard.press("Space")
             until(lambda: frames(page) > stands)
-            until(lambda: told(page, "connection") == "lost")  # the run is over
+            until(lambda: told(page, "mode") == "recording")  # the run is over
             assert page.complaints == [] or all("WebSocket" in c for c in page.complaints)
         finally:
+            sitl.send_signal(signal.SIGINT)
             sitl.wait(PATIENCE_S)
     assert sitl.returncode in {0, 1}, (tmp_path / "said.txt").read_text()
     assert (tmp_path / "run" / "summary.json").is_file()

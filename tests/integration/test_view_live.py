@@ -1,27 +1,28 @@
 """Watching boats over Zenoh: real sockets, and the bytes of a real run."""
 
+import asyncio
 import json
+import shutil
 import socket
-import threading
 import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from aiohttp.test_utils import TestClient, TestServer
+from tests.harness.boats import Boats
 
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlSettings, sail
-from twinscrew.hil_sim.viewer import open_source
+from twinscrew.hil_sim.viewer import sources
 from twinscrew.hil_sim.viewer.scene import write_scene
-from twinscrew.runtime.app.recording import find_recordings
+from twinscrew.hil_sim.viewer.server import HOST, Server
+from twinscrew.hil_sim.viewer.wire import Order
 from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.errors import BusError, ConfigError
 from twinscrew.runtime.messages import cdr
 
 PATIENCE_S = 30.0
-LAST = 100
-"""[-] Messages of a boat that are said again: those of about 1.3 s."""
 
 
 @pytest.fixture(scope="module")
@@ -38,37 +39,6 @@ def endpoint():
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-
-
-class Boats:
-    """Two boats that say again and again what they said in a run, on one endpoint."""
-
-    def __init__(self, run, endpoint):
-        self.bus = ZenohBus(ZenohSettings(listen=(endpoint,), connect=()), "wamv1")
-        recordings = find_recordings(run)
-        self.said = {r.vessel: list(r.messages()) for r in recordings}
-        self.last = {
-            name: cdr.decode_odometry(
-                next(m.payload for m in reversed(said) if m.topic == "odometry")
-            )
-            for name, said in self.said.items()
-        }
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._talk)
-        self._thread.start()
-
-    def _talk(self):
-        while not self._stop.wait(0.05):
-            for name, said in self.said.items():
-                face = self.bus.within(name)
-                for message in said[-LAST:]:
-                    if message.topic != "engagement":
-                        face.publish(message.topic, message.payload)
-
-    def close(self):
-        self._stop.set()
-        self._thread.join()
-        self.bus.close()
 
 
 @pytest.fixture
@@ -95,7 +65,7 @@ def complete(view):
 
 
 def test_a_viewer_sees_all_boats_of_an_endpoint(boats, endpoint):
-    source = open_source.from_endpoint(endpoint, "wamv1, wamv2", "vrx32")
+    source = sources.from_endpoint(endpoint, "wamv1, wamv2", "vrx32")
     try:
         until(lambda: all(complete(view) for view in views(source)))
         until(lambda: all(view["goal"] is not None for view in views(source)))
@@ -117,7 +87,7 @@ def test_a_viewer_never_says_a_word(boats, endpoint):
     boats._stop.set()
     boats._thread.join()
     heard.clear()
-    source = open_source.from_endpoint(endpoint, "wamv1,wamv2", "vrx32")
+    source = sources.from_endpoint(endpoint, "wamv1,wamv2", "vrx32")
     for _ in range(20):
         views(source)
         time.sleep(0.01)
@@ -126,7 +96,7 @@ def test_a_viewer_never_says_a_word(boats, endpoint):
 
 
 def test_a_viewer_that_nobody_looks_at_keeps_a_bounded_number_of_messages(boats, endpoint):
-    source = open_source.from_endpoint(endpoint, "wamv1", "vrx32")
+    source = sources.from_endpoint(endpoint, "wamv1", "vrx32")
     try:
         until(lambda: source._inboxes[0].passed_over.get("odometry", 0) > 200)
         assert len(source._inboxes[0].wait(0.0)) < 300
@@ -136,7 +106,7 @@ def test_a_viewer_that_nobody_looks_at_keeps_a_bounded_number_of_messages(boats,
 
 def test_a_viewer_finds_the_boats_again_after_they_were_away(run, endpoint):
     boats = Boats(run, endpoint)
-    source = open_source.from_endpoint(endpoint, "wamv1", "vrx32")
+    source = sources.from_endpoint(endpoint, "wamv1", "vrx32")
     try:
         until(lambda: complete(views(source)[0]))
         boats.close()
@@ -152,7 +122,7 @@ def test_a_viewer_finds_the_boats_again_after_they_were_away(run, endpoint):
 def test_a_boats_own_configuration_tells_where_it_is(boats, endpoint, tmp_path):
     file = tmp_path / "boat.toml"
     file.write_text(f'name = "wamv2"\nsensor = "vrx32"\n[bus]\nconnect = ["{endpoint}"]\n')
-    source = open_source.from_configs([file])
+    source = sources.from_configs([file])
     try:
         until(lambda: complete(views(source)[0]))
         assert source.names == ("wamv2",)
@@ -160,17 +130,95 @@ def test_a_boats_own_configuration_tells_where_it_is(boats, endpoint, tmp_path):
         source.close()
 
 
+def heard_of(boats, name, *topics):
+    heard = []
+    for topic in topics:
+        face = boats.bus.within(name)
+        ZenohBus.subscribe(face, topic, lambda m: heard.append((m.topic, m.payload)))
+    return heard
+
+
+def test_orders_are_refused_unless_they_were_switched_on(boats, endpoint):
+    heard = heard_of(boats, "wamv1", "goal", "route")
+    source = sources.from_endpoint(endpoint, "wamv1", "vrx32")
+    try:
+        assert not source.takes_orders
+        said = source.order(Order(vessel="wamv1", goal=(1.0, 2.0)))
+        assert said.startswith("refused: this view was started without --orders")
+        time.sleep(0.3)
+        assert heard == []
+    finally:
+        source.close()
+
+
+def test_an_order_is_a_goal_and_a_stop_is_an_empty_route(boats, endpoint):
+    heard = heard_of(boats, "wamv2", "goal", "route")
+    of_the_other = heard_of(boats, "wamv1", "goal", "route")
+    source = sources.from_endpoint(endpoint, "wamv1,wamv2", "vrx32", orders=True)
+    try:
+        until(lambda: complete(views(source)[1]))
+        said = source.order(Order(vessel="wamv2", goal=(12.5, -3.0)))
+        assert said == "wamv2: sent to north 12.5 m, east -3.0 m"
+        until(lambda: len(heard) == 1)
+        assert cdr.decode_goal(heard[0][1]).position_N.tolist() == [12.5, -3.0]
+        assert source.order(Order(vessel="wamv2")) == "wamv2: told to stop"
+        until(lambda: len(heard) == 2)
+        assert heard[1][0] == "route"
+        assert len(cdr.decode_path(heard[1][1])[1]) == 0
+        assert "no vessel 'wamv9'" in source.order(Order(vessel="wamv9"))
+        assert "nowhere" in source.order(Order(vessel="wamv2", goal=(float("inf"), 0.0)))
+        assert of_the_other == []
+    finally:
+        source.close()
+
+
+def test_a_run_that_ends_goes_over_into_its_replay_with_the_result(run, boats, endpoint, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(run, folder)
+    for name in boats.said:
+        text = f'name = "{name}"\nsensor = "vrx32"\n[bus]\nconnect = ["{endpoint}"]\n'
+        (folder / name / "runtime.toml").write_text(text)
+    source = sources.from_run(folder)
+
+    async def visit():
+        server = Server(source)
+        async with (
+            TestClient(TestServer(server.app(), host=HOST)) as client,
+            client.ws_connect("/frames") as page,
+        ):
+            assert json.loads(await page.receive_str())["mode"] == "live"
+            vessels = [
+                {"name": name, "outcome": "timeout", "travel_time_s": 3.0} for name in source.names
+            ]
+            done = {"success": False, "vessels": vessels}
+            (folder / "summary.json").write_text(json.dumps(done))
+            greeting = {"mode": "live"}
+            while greeting["mode"] == "live":
+                told = (await page.receive()).data
+                greeting = json.loads(told) if isinstance(told, str) else greeting
+            assert greeting["mode"] == "recording"
+            assert greeting["result"]["success"] is False
+            frame = (await page.receive()).data
+            head = json.loads(frame[4 : 4 + int.from_bytes(frame[:4], "little")])
+            assert head["playing"] is False
+            assert head["time_s"] == pytest.approx(greeting["duration_s"], abs=0.01)
+            assert {vessel["state"] for vessel in head["vessels"]} == {"timeout"}
+            assert isinstance(server.source, sources.RecordedSource)
+
+    asyncio.run(visit())
+
+
 def test_an_endpoint_where_nobody_is_is_refused(endpoint):
     with pytest.raises(BusError, match="cannot be opened"):
-        open_source.from_endpoint(endpoint, "wamv1", "vrx32")
+        sources.from_endpoint(endpoint, "wamv1", "vrx32")
 
 
 @pytest.mark.parametrize("names", ["", " , "])
 def test_no_name_is_refused(names, endpoint):
     with pytest.raises(ConfigError, match="--names"):
-        open_source.from_endpoint(endpoint, names, "vrx32")
+        sources.from_endpoint(endpoint, names, "vrx32")
 
 
 def test_a_folder_where_nothing_sails_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="no run in real time"):
-        open_source.from_run(tmp_path)
+        sources.from_run(tmp_path)

@@ -1,20 +1,19 @@
-// The cards at the side: what a vessel is doing, in words and figures.
+// The cards at the side: what a vessel is doing and why, in words and figures.
 
-import { vesselColour, colours } from "./theme.js";
-import { drawSparkline } from "./sparkline.js";
+import { colours, vesselColour } from "./draw.js";
+import { compass, courseOf, distance, isSilent } from "./model.js";
 
-const SILENT_S = 1;
-const SLACK_M = 0.5; // between two messages of odometry
-const SHOWN_EVENTS = 3;
-const FEW = 3; // more vessels than this have shorter cards
-const TURN = 2 * Math.PI;
+const FEW = 2; // more vessels than this have shorter cards
+const NOTHING = "\u2013";
+const ENDS = { goal: "arrived", collision: "collided", timeout: "out of time" };
 
 export class Panel {
-  constructor(aside, template, model, follow) {
+  // `on` has follow(name), and for views that may give orders, send(name) and stop(name).
+  constructor(aside, template, model, on) {
     this.aside = aside;
     this.template = template;
     this.model = model;
-    this.follow = follow;
+    this.on = on;
     this.cards = new Map();
   }
 
@@ -46,7 +45,9 @@ export class Panel {
     card.dataset.vessel = name;
     card.querySelector(".name").textContent = name;
     card.querySelector(".follow").title = `Follow ${name}`;
-    card.querySelector(".follow").addEventListener("click", () => this.follow(name));
+    card.querySelector(".follow").addEventListener("click", () => this.on.follow(name));
+    card.querySelector(".send").addEventListener("click", () => this.on.send(name));
+    card.querySelector(".halt").addEventListener("click", () => this.on.stop(name));
     const { min_n: least, max_n: most } = this.model.greeting.thrust;
     for (const bar of card.querySelectorAll(".bar")) {
       bar.style.setProperty("--zero", `${(100 * -least) / (most - least)}%`);
@@ -55,36 +56,36 @@ export class Panel {
   }
 
   #update(card, vessel) {
-    const silent = vessel.silent_s === null || vessel.silent_s > SILENT_S;
-    const state = this.#hasArrived(vessel, silent) ? "arrived" : silent ? "silent" : vessel.state;
+    const silent = isSilent(vessel);
+    const ended = ENDS[vessel.ended?.outcome] ?? vessel.ended?.outcome;
+    const state = ended ?? (silent ? "silent" : vessel.arrived ? "arrived" : vessel.state);
     const badge = card.querySelector(".state");
     badge.textContent = badge.dataset.state = state;
     card.classList.toggle("silent", silent);
+    card.classList.toggle("ended", Boolean(ended));
+    card.querySelector(".orders").hidden = !this.model.greeting.orders || Boolean(ended);
+    const why = silent ? silentWords(vessel) : named(vessel);
+    write(card, ".why", why);
+    card.querySelector(".why").title = why;
     this.#figures(card, vessel);
     this.#propellers(card, vessel.thrust);
+    const drives = vessel.engaged === null ? "" : vessel.engaged ? "policy drives" : "policy does not drive";
+    write(card, ".autopilot", vessel.ended ? "" : [vessel.autopilot, drives].filter(Boolean).join(", "));
     const ms = vessel.latency_ms;
-    card.querySelector(".ms").textContent = ms === null ? "\u2013" : `${ms.toFixed(1)} ms`;
-    drawSparkline(card.querySelector(".spark"), this.model.latencies.get(vessel.name), colours.faint);
-    const brief = this.cards.size > FEW && vessel.name !== this.model.following;
-    const events = vessel.events.slice(brief ? -1 : -SHOWN_EVENTS).reverse();
-    card.querySelector(".events").replaceChildren(...events.map(eventLine));
+    card.querySelector(".latency").hidden = ms === null;
+    write(card, ".ms", ms === null ? NOTHING : `${ms.toFixed(1)} ms`);
+    if (ms !== null) drawSparkline(card.querySelector(".spark"), this.model.latencies.get(vessel.name), colours.faint);
   }
 
-  // A simulator takes a vessel out of its run where it reaches its goal, before it could say so.
-  #hasArrived({ arrived, pose, goal }, silent) {
-    if (arrived || !silent || !pose || !goal) return arrived;
-    return Math.hypot(goal[0] - pose[0], goal[1] - pose[1]) <= this.model.greeting.goal_radius_m + SLACK_M;
-  }
-
-  #figures(card, { pose, velocity, goal }) {
-    const write = (name, words) => {
-      card.querySelector(name).textContent = words;
-    };
-    write(".speed", velocity ? `${Math.hypot(...velocity).toFixed(1)} m/s` : "\u2013");
-    const degrees = pose ? Math.round((((pose[2] + TURN) % TURN) * 360) / TURN) % 360 : 0;
-    write(".heading", pose ? `${String(degrees).padStart(3, "0")}\u00b0` : "\u2013");
-    const far = pose && goal ? Math.hypot(goal[0] - pose[0], goal[1] - pose[1]) : null;
-    write(".to-goal", far === null ? "\u2013" : `${far.toFixed(1)} m`);
+  #figures(card, vessel) {
+    const { pose, velocity, goal } = vessel;
+    write(card, ".speed", velocity ? `${Math.hypot(...velocity).toFixed(1)} m/s` : NOTHING);
+    write(card, ".course", pose ? compass(courseOf(vessel)) : NOTHING);
+    write(card, ".to-goal", pose && goal ? `${distance(pose, goal).toFixed(1)} m` : NOTHING);
+    const nearest = vessel.tracks.length ? Math.min(...vessel.tracks.map(({ gap }) => gap)) : null;
+    const closest = vessel.ended?.closest_approach_m ?? nearest;
+    write(card, ".nearest-label", vessel.ended ? "closest was" : "nearest");
+    write(card, ".nearest", closest === null ? NOTHING : `${Math.max(closest, 0).toFixed(1)} m`);
   }
 
   #propellers(card, thrust) {
@@ -95,19 +96,42 @@ export class Panel {
       const newtons = thrust ? thrust[side] : 0;
       bar.style.left = `${percent(Math.min(newtons, 0))}%`;
       bar.style.width = `${percent(Math.max(newtons, 0)) - percent(Math.min(newtons, 0))}%`;
-      words[side].textContent = thrust ? `${Math.round(newtons)} N` : "\u2013";
+      words[side].textContent = thrust ? `${Math.round(newtons)} N` : NOTHING;
     });
   }
 }
 
-function eventLine({ time, name, severity, detail }) {
-  const line = document.createElement("li");
-  line.dataset.severity = severity;
-  line.textContent = line.title = `${clock(time)} ${name.replaceAll("_", " ")}${detail ? `: ${detail}` : ""}`;
-  return line;
+// The sentence, with the names of those tracks that are vessels on this page.
+function named({ why, tracks }) {
+  return why.replace(/track (\d+)/gi, (words, id) => tracks.find((track) => String(track.id) === id)?.name || words);
 }
 
-export function clock(seconds) {
-  const minutes = Math.floor(seconds / 60);
-  return `${minutes}:${(seconds - 60 * minutes).toFixed(1).padStart(4, "0")}`;
+function silentWords({ silent_s: silent }) {
+  if (silent === null) return "Nothing has been heard of it yet: is it switched on, and its name right?";
+  return `No odometry for ${silent.toFixed(0)} s: is it switched on and in reach? "twinscrew doctor --listen" says what comes.`;
+}
+
+function write(card, selector, words) {
+  const element = card.querySelector(selector);
+  if (element.textContent !== words) element.textContent = words;
+}
+
+// The last latencies as a line; its top is the largest of them, at least 1 ms.
+export function drawSparkline(canvas, values, colour) {
+  const ratio = devicePixelRatio || 1;
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  canvas.width = Math.round(width * ratio);
+  canvas.height = Math.round(height * ratio);
+  if (values.length < 2) return;
+  const pen = canvas.getContext("2d");
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  const top = Math.max(1, ...values);
+  pen.strokeStyle = colour;
+  pen.lineWidth = 1.2;
+  pen.lineJoin = "round";
+  pen.beginPath();
+  values.forEach((value, i) => {
+    pen.lineTo((i / (values.length - 1)) * width, height - 1.5 - (value / top) * (height - 3));
+  });
+  pen.stroke();
 }

@@ -345,3 +345,28 @@ def test_two_boats_with_the_same_past_do_the_same() -> None:
     first, second = (Boat(Steady((40.0, 90.0))).sail(6.0) for _ in range(2))
     assert [e for _, e in first.events] == [e for _, e in second.events]
     assert all((a[1] == b[1]).all() for a, b in zip(first.thrusts, second.thrusts, strict=True))
+
+
+def test_the_boat_says_what_it_does_and_why_and_that_it_is_held() -> None:
+    boat = under_way()
+    controller = boat.controller
+    assert controller.decision is not None
+    said = controller.explain(controller.decision)
+    assert said is not None
+    assert said.sentence.startswith("Sailing to the goal")
+    boat.line = silence("points")
+    boat.sail(2.0)
+    said = controller.explain(controller.decision)
+    assert said is not None
+    assert said.sentence.startswith("Not driving, propellers at rest")
+
+
+def test_words_that_cannot_be_made_are_left_out_and_stop_nothing(monkeypatch) -> None:
+    def stumble(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("in making a sentence")
+
+    boat = under_way()
+    controller = boat.controller
+    assert controller.decision is not None
+    monkeypatch.setattr("twinscrew.runtime.app.controller.explain", stumble)
+    assert controller.explain(controller.decision) is None

@@ -7,12 +7,15 @@ import pytest
 from matplotlib.image import imread
 
 from twinscrew.hil_sim.figures import (
+    APART_M,
     HULL_LENGTH_M,
     HULL_WIDTH_M,
     SNAPSHOT_S,
     draw_trajectories,
     outline,
     shown,
+    snapshots,
+    trajectory_figure,
 )
 from twinscrew.hil_sim.scenario import Scenario, load_scenario
 from twinscrew.hil_sim.trajectory import TrajectoryLog
@@ -125,3 +128,85 @@ def test_a_run_that_ended_a_rounding_before_a_snapshot_can_be_drawn(
     path = tmp_path / "run.png"
     draw_trajectories(path, scenario, log, ["timeout", "timeout"], [end_s, end_s])
     assert len(np.unique(imread(path).reshape(-1, 4), axis=0)) > 20
+
+
+def way(seconds: float, speed_mps: float, loiter_s: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Sail north, lie still for a while with a drift of a hand's breadth, sail on."""
+    times = np.arange(0.0, seconds, 0.1) + 0.04
+    moved = np.minimum(times, 10.0) + np.maximum(times - 10.0 - loiter_s, 0.0)
+    rows = np.zeros((len(times), 7))
+    rows[:, 0] = speed_mps * moved + 0.1 * np.sin(times)
+    return times, rows
+
+
+def test_numbers_are_round_seconds_and_outlines_are_of_those_moments() -> None:
+    times, rows = way(60.0, 3.0)
+    shots = list(snapshots(times, rows))
+    assert [second for _, second in shots] == [SNAPSHOT_S * k for k in range(15)]
+    assert all(abs(times[row] - second) <= 0.06 for row, second in shots)
+
+
+def test_where_a_boat_loiters_its_outline_is_drawn_once() -> None:
+    times, rows = way(80.0, 3.0, loiter_s=40.0)
+    seconds = [second for _, second in snapshots(times, rows)]
+    assert not [second for second in seconds if 13.0 < second < 50.0]
+    assert [second for second in seconds if second >= 52.0], "and again when it sails on"
+    places = rows[[row for row, _ in snapshots(times, rows)], :2]
+    gaps = np.hypot(*(places[:, None] - places).T)[np.triu_indices(len(places), 1)]
+    assert gaps.min() >= APART_M
+
+
+def crowded() -> tuple[Scenario, TrajectoryLog]:
+    """Boats that circle in one corner of the map, beyond its edge too."""
+    scenario = load_scenario("random", vessels=5, buoys=4, seed=3)
+    log = TrajectoryLog()
+    for k in range(600):
+        angle = 0.004 * k * np.arange(1, 6) + np.arange(5)
+        around = np.column_stack([6.0 * np.sin(angle) - 4.0, 6.0 * np.cos(angle) + 3.0, angle])
+        log.add(0.1 * k, around, np.full((5, 2), -3.0), np.zeros((5, 2)))
+    return scenario, log
+
+
+def test_numbers_lie_apart_and_nothing_is_cut_at_the_axes() -> None:
+    scenario, log = crowded()
+    figure = trajectory_figure(scenario, log, ["timeout"] * 5, [60.0] * 5)
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    inside = axes.get_window_extent()
+    words = [text for text in axes.texts if text.get_text().isdigit()]
+    assert len(words) > 10
+    boxes = [text.get_window_extent() for text in words]
+    for i, box in enumerate(boxes):
+        assert inside.x0 <= box.x0, "a number is cut"
+        assert box.x1 <= inside.x1, "a number is cut"
+        touched = [other for other in boxes[:i] if box.shrunk(0.8, 0.8).overlaps(other)]
+        assert not touched, words[i].get_text()
+    low, high = np.array([axes.get_xlim(), axes.get_ylim()]).T
+    for line in axes.lines[:5]:
+        path = line.get_xydata()
+        assert ((path >= low) & (path <= high)).all()
+    for arrow in axes.texts:
+        if not arrow.get_text():
+            assert ((np.array(arrow.xy) >= low) & (np.array(arrow.xy) <= high)).all()
+
+
+def test_a_figure_is_saved_for_the_screen_and_for_print_the_same_each_time(tmp_path: Path) -> None:
+    scenario, log = crowded()
+    drawings = []
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        draw_trajectories(tmp_path / name / "run.png", scenario, log, ["goal"] * 5, [60.0] * 5)
+        drawings.append((tmp_path / name / "run.svg").read_bytes())
+        assert (tmp_path / name / "run.png").is_file()
+    assert b"<svg" in drawings[0]
+    assert drawings[0] == drawings[1]
+
+
+def test_the_legend_says_in_words_what_became_of_each() -> None:
+    scenario, log = crowded()
+    outcomes = ["goal", "collision", "timeout", "goal", "goal"]
+    figure = trajectory_figure(scenario, log, outcomes, [17.7, 8.0, 90.0, 20.0, 21.0])
+    said = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert said[0].endswith("arrived after 17.7 s")
+    assert said[1].endswith("collided after 8.0 s")
+    assert said[2].endswith("out of time after 90.0 s")

@@ -3,6 +3,8 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
+from matplotlib.figure import Figure
 
 from twinscrew.hil_sim.bench.perception_picture import draw_harbour, draw_open
 from twinscrew.hil_sim.bench.scenes import open_water
@@ -31,3 +33,23 @@ def test_tracks_and_truth_change_the_picture(tmp_path: Path) -> None:
         draw(perception, cloud, objects, file, truth, tracks)
         pictures.add(file.read_bytes())
     assert len(pictures) == 3
+
+
+def test_the_ranges_have_a_scale_of_colours(tmp_path: Path, monkeypatch) -> None:
+    drawn = []
+    monkeypatch.setattr(Figure, "savefig", lambda self, *_, **__: drawn.append(self))
+    ((cloud, odometry),) = open_water(1)
+    perception = Perception(load_sensor("vrx32"))
+    objects = perception.step(cloud, odometry.q_NB)
+    draw(perception, cloud, objects, tmp_path / "scan.png")
+    labels = [axes.get_ylabel() for axes in drawn[0].axes]
+    assert "range [m]" in labels
+
+
+@pytest.mark.parametrize(("suffix", "begin"), [(".svg", b"<?xml"), (".pdf", b"%PDF")])
+def test_a_picture_can_be_had_for_print(tmp_path: Path, suffix: str, begin: bytes) -> None:
+    ((cloud, odometry),) = open_water(1)
+    perception = Perception(load_sensor("vrx32"))
+    objects = perception.step(cloud, odometry.q_NB)
+    draw(perception, cloud, objects, tmp_path / f"scan{suffix}")
+    assert (tmp_path / f"scan{suffix}").read_bytes().startswith(begin)

@@ -19,6 +19,8 @@ def test_a_report_says_what_was_sailed_and_shows_its_charts(tmp_path: Path) -> N
     for name in ("success.png", "closest_approach.png"):
         assert f"](figures/{name})" in text
         assert (out / "figures" / name).read_bytes().startswith(b"\x89PNG")
+        drawing = (out / "figures" / name).with_suffix(".svg")
+        assert b"<svg" in drawing.read_bytes(), "to print"
 
 
 def test_an_unfinished_experiment_is_called_so(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import logging
 
 from aiohttp.http_exceptions import BadHttpMessage
 
-from twinscrew.hil_sim.viewer.complaints import Complaints, faults_of_ours
+from twinscrew.hil_sim.viewer.server import Complaints, faults_of_ours
 
 
 def test_too_many_connections_are_one_line_however_often_it_is_tried(capsys):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twinscrew.hil_sim.viewer.echoes import echoes_from_above
+from twinscrew.hil_sim.viewer.vessel import echoes_from_above
 from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages.types import Odometry, PointCloud
 from twinscrew.runtime.perception.sensor import Mount, load_sensor

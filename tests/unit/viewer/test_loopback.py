@@ -2,7 +2,7 @@
 
 import pytest
 
-from twinscrew.hil_sim.viewer.loopback import listen
+from twinscrew.hil_sim.viewer.server import listen
 from twinscrew.runtime.errors import ConfigError
 
 

@@ -5,8 +5,8 @@ import struct
 
 import pytest
 
-from twinscrew.hil_sim.viewer.player import Player
 from twinscrew.hil_sim.viewer.scene import Scene
+from twinscrew.hil_sim.viewer.server import Player
 from twinscrew.hil_sim.viewer.wire import Request
 
 

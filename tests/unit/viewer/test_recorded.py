@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
-from twinscrew.hil_sim.viewer.recorded import FRAME_S, Film, RecordedSource
+from twinscrew.hil_sim.viewer.sources import FRAME_S, Film, RecordedSource
 from twinscrew.hil_sim.viewer.wire import Part
 from twinscrew.runtime.app.recording import Recording, find_recordings
 from twinscrew.runtime.errors import RecordingError

@@ -9,10 +9,9 @@ import pytest
 from aiohttp import WSServerHandshakeError
 from aiohttp.test_utils import TestClient, TestServer
 
-from twinscrew.hil_sim.viewer.loopback import HOST
-from twinscrew.hil_sim.viewer.recorded import RecordedSource
-from twinscrew.hil_sim.viewer.server import PAGE, PERIOD_S, Server
-from twinscrew.hil_sim.viewer.wire import Part
+from twinscrew.hil_sim.viewer.server import HOST, PAGE, PERIOD_S, Server, greeting
+from twinscrew.hil_sim.viewer.sources import RecordedSource
+from twinscrew.hil_sim.viewer.wire import Order, Part
 
 
 @pytest.fixture(scope="module")
@@ -71,10 +70,10 @@ def test_nothing_but_the_page_is_served(source, path):
 def test_a_visitor_is_greeted_and_then_gets_frames(source):
     async def visit(client):
         async with client.ws_connect("/frames") as page:
-            greeting = json.loads(await page.receive_str())
-            assert greeting["names"] == ["wamv1", "wamv2"]
-            assert greeting["mode"] == "recording"
-            assert greeting["duration_s"] == pytest.approx(source.duration_s, abs=0.01)
+            told = json.loads(await page.receive_str())
+            assert told["names"] == ["wamv1", "wamv2"]
+            assert told["mode"] == "recording"
+            assert told["duration_s"] == pytest.approx(source.duration_s, abs=0.01)
             times = [head(await page.receive_bytes())["time_s"] for _ in range(4)]
         assert times == sorted(times)
         assert times[-1] > 0
@@ -158,17 +157,30 @@ def test_other_peoples_pages_are_refused(source, headers):
 class Live:
     """A recording's last moment, as if it were now."""
 
-    mode, duration_s = "live", 0.0
+    mode, duration_s, begin_s = "live", 0.0, 0.0
+    datum = result = None
+    takes_orders = False
     revision = 0
 
     def __init__(self, source):
         self.names, self.scene, self._source = source.names, source.scene, source
+        self.orders = []
 
     def now_s(self):
         return 0.0
 
     def trails(self):
         return self._source.trails()
+
+    def series(self):
+        return self._source.series()
+
+    def events(self):
+        return self._source.events()
+
+    def order(self, order):
+        self.orders.append(order)
+        return "done"
 
     def parts(self, time_s):
         return self._source.parts(3.0)
@@ -221,3 +233,49 @@ def test_a_page_that_does_not_read_gets_its_frames_made_no_faster_than_it_takes_
             await page.receive_bytes()  # the line goes on once somebody does
 
     with_client(Counted(source), visit)
+
+
+def test_an_order_is_passed_on_and_answered(source):
+    live = Live(source)
+
+    async def visit(client):
+        async with client.ws_connect("/frames") as page:
+            await page.receive_str()
+            await page.send_str('{"order": {"vessel": "wamv1", "goal": [3.5, -2.0]}}')
+            while not isinstance(told := (await page.receive()).data, str):
+                pass
+            assert json.loads(told) == {"answer": "done"}
+
+    with_client(live, visit)
+    assert live.orders == [Order(vessel="wamv1", goal=(3.5, -2.0))]
+
+
+def test_a_recording_takes_no_orders(source):
+    async def visit(client):
+        async with client.ws_connect("/frames") as page:
+            assert json.loads(await page.receive_str())["orders"] is False
+            await page.send_str('{"order": {"vessel": "wamv1"}}')
+            while not isinstance(told := (await page.receive()).data, str):
+                pass
+            assert json.loads(told) == {"answer": "refused: wamv1 is a recording"}
+
+    with_client(source, visit)
+
+
+@pytest.mark.parametrize(
+    "order", ['{"vessel": 3}', '{"goal": [1, 2]}', '{"vessel": "a", "goal": [1]}']
+)
+def test_an_order_that_is_none_ends_the_conversation(source, order):
+    async def visit(client):
+        async with client.ws_connect("/frames") as page:
+            await page.send_str(f'{{"order": {order}}}')
+            async for _ in page:
+                pass
+            assert page.close_code == 1003
+
+    with_client(source, visit)
+
+
+def test_a_page_is_told_how_its_view_is_started_again(source):
+    again = greeting(source, "twinscrew view --replay run --port 8077")["again"]
+    assert again == "twinscrew view --replay run --port 8077"

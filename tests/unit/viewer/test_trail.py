@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from twinscrew.hil_sim.viewer.trail import Trail
+from twinscrew.hil_sim.viewer.vessel import Trail
 
 
 def test_places_nearer_than_the_step_add_nothing():

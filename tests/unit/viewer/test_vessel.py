@@ -5,12 +5,23 @@ import json
 import numpy as np
 import pytest
 
-from twinscrew.hil_sim.viewer.vessel import EVENTS, FRESH_S, SHOWN, Vessel
+from twinscrew.hil_sim.viewer.scene import Ended
+from twinscrew.hil_sim.viewer.vessel import (
+    FRESH_S,
+    MOST_EVENTS,
+    NEW_EVENTS,
+    SHOWN,
+    Series,
+    Vessel,
+)
+from twinscrew.hil_sim.viewer.wire import SERIES
 from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.types import (
     Decision,
+    Engagement,
+    Explanation,
     Goal,
     HealthEvent,
     Objects,
@@ -22,7 +33,7 @@ from twinscrew.runtime.messages.types import (
 )
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.colregs import Situation
-from twinscrew.runtime.safety.events import LIDAR_STALE, STATE, STATE_NOW
+from twinscrew.runtime.safety.events import AUTOPILOT_NOW, LIDAR_STALE, STATE, STATE_NOW
 
 NORTH_EAST = np.array([10.0, 20.0])
 S = 1_000_000_000
@@ -127,7 +138,7 @@ def test_a_track_says_what_colregs_ask(vessel):
     towards = [(20.0, 20.0), (18.0, 28.0), (60.0, 20.0)]
     moving = [(-2.0, 0.0), (0.0, -2.0), (-2.0, 0.0)]
     vessel.take("decision", decision(p_N=towards, v_N=moving), 0.0)
-    asked = [track[-1] for track in view(vessel)["tracks"]]
+    asked = [track[7] for track in view(vessel)["tracks"]]
     assert asked == [Situation.HEAD_ON, Situation.GIVE_WAY, Situation.NONE]
 
 
@@ -200,11 +211,14 @@ def test_a_viewer_that_came_late_knows_that_a_boat_whose_policy_is_asked_is_acti
 
 
 def test_only_the_last_events_are_kept(vessel):
-    for count in range(100):
+    for count in range(MOST_EVENTS + 100):
         event = HealthEvent(stamp_ns=S, name=f"e{count}", severity=Severity.INFO)
         vessel.take("diagnostics", events(event), float(count))
-    assert len(view(vessel)["events"]) == EVENTS
-    assert view(vessel)["events"][-1][1] == "e99"
+    shown = view(vessel)
+    assert len(shown["events"]) == NEW_EVENTS
+    assert shown["events"][-1][1] == f"e{MOST_EVENTS + 99}"
+    assert shown["event_count"] == MOST_EVENTS + 100
+    assert len(vessel.events) == MOST_EVENTS
 
 
 @pytest.mark.parametrize("topic", SHOWN)
@@ -222,6 +236,115 @@ def test_a_cloud_whose_body_is_damaged_is_refused_when_it_would_be_drawn(vessel)
     vessel.take("points", scan()[:-10], 0.0)
     assert view(vessel)["points"] == 0
     assert vessel.refused == 1
+
+
+def test_every_track_has_its_closest_approach(vessel):
+    vessel.take("odometry", odometry(heading=0.0, surge=2.0), 0.0)
+    vessel.take("decision", decision(p_N=[(20.0, 20.0), (10.0, 12.0)], v_N=[(0, 0), (0, -3)]), 0.0)
+    ahead, beside = view(vessel)["tracks"]
+    assert ahead[8:] == pytest.approx([10.0 - 1.5 - 2.795, -1.5 - 2.795, 5.0], abs=0.01)
+    assert beside[10] == 0.0, "it draws apart already"
+    assert beside[8] == pytest.approx(beside[9])
+
+
+def test_the_sentence_is_the_runtimes_own_or_made_from_the_decision(vessel):
+    vessel.take("odometry", odometry(), 0.0)
+    vessel.take("engagement", cdr.encode_engagement(Engagement(stamp_ns=S, engaged=True)), 0.0)
+    vessel.take("decision", decision(goal_B=(7.0, 3.0)), 0.0)
+    assert view(vessel)["why"].startswith("Sailing to the goal, 7.6 m off")
+    said = Explanation(stamp_ns=S, sequence=41, sentence="As I said.", track=3, rule=15)
+    vessel.take("explanation", cdr.encode_explanation(said), 0.0)
+    shown = view(vessel)
+    assert (shown["why"], shown["about"], shown["rule"]) == ("As I said.", 3, 15)
+
+
+def test_what_the_boat_says_of_its_autopilot_is_shown(vessel):
+    vessel.take("diagnostics", events(AUTOPILOT_NOW.at(S, "MANUAL, armed, 12.6 V 87 %")), 0.0)
+    shown = view(vessel)
+    assert shown["autopilot"] == "MANUAL, armed, 12.6 V 87 %"
+    assert shown["events"] == []
+    assert shown["engaged"] is None
+
+
+def ended(stamp_ns, north, outcome="goal"):
+    return Ended(
+        name="wamv1",
+        outcome=outcome,
+        stamp_ns=stamp_ns,
+        travel_time_s=17.7,
+        closest_approach_m=1.72,
+        pose=(north, 20.0, 0.5),
+    )
+
+
+def test_an_arrived_vessel_is_where_it_is_held_at_rest_and_no_alarm(vessel):
+    vessel.take("odometry", odometry(surge=3.3), 0.0)
+    vessel.take("decision", decision(p_N=[(20.0, 20.0)], v_N=[(0, 0)]), 0.0)
+    vessel.ends([ended(S + 50_000_000, 10.2), ended(3 * S, 11.8)])
+    assert view(vessel)["ended"] is None, "not yet"
+    vessel.take("diagnostics", events(LIDAR_STALE.at(S)), 1.0)
+    just = view(vessel, 1.0)
+    later = view(vessel, 2.5)
+    assert (just["pose"][0], later["pose"][0]) == (10.2, 11.8)
+    assert later["velocity"] == [0.0, 0.0]
+    assert (later["state"], later["arrived"], later["silent_s"]) == ("goal", True, 0.0)
+    assert later["ended"] == {
+        "outcome": "goal", "travel_time_s": 17.7, "closest_approach_m": 1.72
+    }  # fmt: skip
+    assert later["tracks"] == []
+    assert [event[1:3] for event in later["events"]] == [["arrived", "info"]]
+    assert later["event_count"] == 1
+    assert later["why"] == "Arrived after 17.7 s, nothing nearer than 1.7 m."
+
+
+def test_a_vessel_that_collided_is_said_so(vessel):
+    vessel.take("odometry", odometry(), 0.0)
+    vessel.ends([ended(S, 10.0, "collision")])
+    shown = view(vessel, 1.0)
+    assert (shown["state"], shown["arrived"]) == ("collision", False)
+    assert shown["events"][-1][1:3] == ["collided", "error"]
+
+
+def test_a_vessel_that_fell_silent_at_its_goal_has_arrived_and_one_elsewhere_has_not():
+    for goal, state in (((10.0, 22.0), "goal"), ((10.0, 29.0), "unknown")):
+        vessel = Vessel("wamv1", load_sensor("vrx32"), goal_radius_m=2.0)
+        vessel.take("goal", cdr.encode_goal(Goal(stamp_ns=S, position_N=np.array(goal))), 0.0)
+        vessel.take("odometry", odometry(), 0.0)
+        assert view(vessel, 0.5)["state"] == "unknown"
+        assert view(vessel, 2.0)["state"] == state
+
+
+def test_figures_are_kept_at_even_times_from_the_beginning_and_never_too_many():
+    series = Series(step_s=0.2, most=100)
+    for count in range(5000):
+        if series.is_due(0.05 * count):
+            series.add((0.05 * count,))
+    times = np.array([row[0] for row in series.rows])
+    assert times[0] == 0.0
+    assert times[-1] > 240.0
+    assert len(times) <= 100
+    steps = np.diff(times)
+    assert steps.max() < 2.1 * steps.min()
+
+
+def test_the_figures_of_a_moment_are_what_was_known_then(vessel):
+    vessel.take("odometry", odometry(heading=0.0, surge=2.0), 0.0)
+    goal = Goal(stamp_ns=S, position_N=np.array([14.0, 23.0]))
+    vessel.take("goal", cdr.encode_goal(goal), 0.0)
+    vessel.take("decision", decision(p_N=[(20.0, 20.0)], v_N=[(0.0, 0.0)]), 0.0)
+    vessel.take("thrust_left", cdr.encode_thrust(100.0), 0.0)
+    vessel.note(0.1)
+    (row,) = vessel.series.rows
+    assert dict(zip(SERIES, row, strict=True)) == {
+        "time_s": 0.1,
+        "speed": 2.0,
+        "to_goal": 5.0,
+        "nearest": pytest.approx(10.0 - 1.5 - 2.795, abs=0.01),
+        "cpa": pytest.approx(-1.5 - 2.795, abs=0.01),
+        "left": 100.0,
+        "right": 0.0,
+        "latency": None,
+    }
 
 
 def test_every_shown_topic_exists():

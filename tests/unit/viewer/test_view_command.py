@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from twinscrew.hil_sim.commands.view import view
-from twinscrew.hil_sim.viewer import open_source
+from twinscrew.hil_sim.viewer import sources
 from twinscrew.runtime.errors import ConfigError, RecordingError
 
 
@@ -19,14 +19,14 @@ def test_it_wants_one_thing_to_look_at(ways):
 
 def test_a_sensor_that_does_not_exist_is_refused():
     with pytest.raises(ConfigError, match="vrx32"):
-        open_source.from_endpoint("tcp/127.0.0.1:1", "wamv", "no-such-lidar")
+        sources.from_endpoint("tcp/127.0.0.1:1", "wamv", "no-such-lidar")
 
 
 def test_a_recording_that_does_not_exist_is_refused(tmp_path):
     with pytest.raises(RecordingError, match="no such file or folder"):
-        open_source.from_recording(tmp_path / "nothing", None)
+        sources.RecordedSource(tmp_path / "nothing")
 
 
 def test_a_configuration_that_does_not_exist_is_refused(tmp_path):
     with pytest.raises(ConfigError, match=r"boat\.toml"):
-        open_source.from_configs([tmp_path / "boat.toml"])
+        sources.from_configs([tmp_path / "boat.toml"])
