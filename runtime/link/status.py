@@ -36,8 +36,8 @@ class AutopilotStatus:
     """[-] Frames of MAVLink 1 that came; ArduPilot sends them until it hears MAVLink 2."""
     parameters_wrong: tuple[str, ...]
     """Words about each parameter that is not what it must be."""
-
-    @property
-    def engaged(self) -> bool:
-        """Whether thrust commands act: heard, a boat, armed, in MANUAL mode."""
-        return self.connected and self.is_boat and self.armed and self.mode == "MANUAL"
+    parameters_unsafe: tuple[str, ...]
+    """Words about each parameter that forbids driving: wrong, missing, or not read yet."""
+    engaged: bool
+    """Whether thrust commands act: heard, a boat of ours, armed, in MANUAL mode, with the right
+    parameters, and not disobeying."""
