@@ -71,8 +71,10 @@ class Input(Enum):
     """The mode and arming of the heartbeat before, and nothing of importance can be missing."""
     OTHER_DISARMED = "another mode, disarmed"
     OTHER_ARMED = "another mode, armed"
-    GIVEN_BACK = "MANUAL after another mode"
-    """Of one and the same start of the autopilot, and not by a request of ours."""
+    GIVEN_BACK = "MANUAL by choice"
+    """After another mode, not by a request of ours, and no restart can lie between the two."""
+    MAYBE_GIVEN_BACK = "MANUAL by choice or by a restart"
+    """The same, but a frame is missing or there was a silence."""
     SAME_START = "no restart"
     """Its time since boot went on."""
     RESTART = "restart"
@@ -97,7 +99,8 @@ TRANSITIONS: Mapping[tuple[Holder, Input], Holder] = MappingProxyType(
         (Holder.FAILSAFE, Input.INITIALISING): Holder.COMPANION,
         (Holder.FAILSAFE, Input.OTHER_DISARMED): Holder.PILOT,
         (Holder.FAILSAFE, Input.OTHER_ARMED): Holder.PILOT,
-        (Holder.PILOT, Input.GIVEN_BACK): Holder.RETURNING,
+        (Holder.PILOT, Input.GIVEN_BACK): Holder.COMPANION,
+        (Holder.PILOT, Input.MAYBE_GIVEN_BACK): Holder.RETURNING,
         (Holder.RETURNING, Input.SAME_START): Holder.COMPANION,
         (Holder.RETURNING, Input.RESTART): Holder.PILOT,
         (Holder.RETURNING, Input.INITIALISING): Holder.PILOT,
@@ -184,10 +187,13 @@ class Authority:
 
     def heartbeat(self, mode: int, now_s: float, *, armed: bool, critical: bool) -> None:
         """Take what a heartbeat says, from a frame that is not late."""
-        missed = self._frames.missed()
+        missed, broken = (lost or self._doubtful for lost in self._frames.missed())
         if self._arming_asked and missed and not armed:
             self.arming_unknown = True
-        heard = self._input(mode, armed, critical, missed, now_s)
+        if mode == MANUAL:
+            heard = self._manual(broken, now_s)
+        else:
+            heard = self._input(mode, armed, critical, missed, now_s)
         self.mode, self._critical, self._doubtful = mode, critical, False
         self.note_armed(armed)
         self._other_mode_seen = mode not in (MANUAL, INITIALISING) and self._uptime_known
@@ -248,13 +254,17 @@ class Authority:
     def _follow(self, heard: Input) -> None:
         self.holder = TRANSITIONS.get((self.holder, heard), self.holder)
 
+    def _manual(self, broken: bool, now_s: float) -> Input:
+        """Tell what a heartbeat in MANUAL means."""
+        by_request = now_s - self._asked_s < ASK_SETTLED_S
+        if self.holder is not Holder.PILOT or by_request:
+            return Input.MANUAL
+        if self.mode not in (None, MANUAL, INITIALISING) and not broken:
+            return Input.GIVEN_BACK
+        return Input.MAYBE_GIVEN_BACK if self._other_mode_seen else Input.MANUAL
+
     def _input(self, mode: int, armed: bool, critical: bool, missed: bool, now_s: float) -> Input:
-        """Tell what a heartbeat means, from what it says and what the one before it said."""
-        if mode == MANUAL:
-            ours = now_s - self._asked_s < ASK_SETTLED_S
-            known = self._other_mode_seen and self._uptime_known and not ours
-            pilots = self.holder is Holder.PILOT
-            return Input.GIVEN_BACK if pilots and known else Input.MANUAL
+        """Tell what a heartbeat in another mode means, from it and the one before it."""
         if mode == INITIALISING:
             return Input.INITIALISING
         at_once = self.mode == MANUAL and not self._critical and mode == HOLD and critical

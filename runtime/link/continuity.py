@@ -28,6 +28,7 @@ class FrameNumbers:
         self._newest = 0
         self._newest_s = -math.inf
         self._missed = False
+        self._silent = False
 
     def arrived(self, number: int, now_s: float) -> bool:
         """Take a frame's number; False if the frame is a copy or came late, and tells nothing."""
@@ -39,13 +40,23 @@ class FrameNumbers:
         if (ahead == 0 or ahead >= NUMBERS // 2) and since_s < LATE_S:
             return False  # unless the sender began to count anew, which silence shows
         self._missed |= ahead != 1 or since_s > LONGEST_GAP_S
+        self._silent |= since_s >= LATE_S
         self._newest, self._newest_s = number, now_s
         return True
 
-    def missed(self) -> bool:
-        """Tell whether a frame may be missing since the last call."""
-        missed, self._missed = self._missed, False
-        return missed
+    def missed(self) -> tuple[bool, bool]:
+        """Tell of the frames since the last call.
+
+        Returns
+        -------
+        missed
+            Whether a frame may be missing.
+        broken
+            Whether one may be, or there was a silence in which the sender may have restarted.
+        """
+        missed, broken = self._missed, self._missed or self._silent
+        self._missed = self._silent = False
+        return missed, broken
 
 
 class Uptime:

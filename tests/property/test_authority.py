@@ -107,11 +107,11 @@ class Afternoon(RuleBasedStateMachine):
         fates=st.tuples(FATES, FATES),
     )
     def restart(self, off_s, mode, fates):
+        self.mode, self.triggered = INITIALISING, False
         self.wait(off_s, beats=False)
         self.boot_s, self.number = self.now_s - 0.2, 0
         self.armed = self.triggered = self.ekf_failed = self.disarmed_by_pilot = False
         self.pilots &= self.shown  # a choice that nobody saw, and the autopilot forgot
-        self.mode = INITIALISING
         self.beat(fates[0])
         self.wait(0.5, beats=False)
         self.mode, self.override_s = mode, self.now_s

@@ -103,7 +103,12 @@ def test_a_pilots_mode_change_wins_for_good(mode):
 
 
 def test_a_pilot_gives_the_boat_back_by_choosing_manual():
-    line = taken().beat(MANUAL)
+    assert taken().beat(MANUAL, after_s=0.5).boss.drives
+
+
+@pytest.mark.parametrize("lost", [0, 3])
+def test_after_a_silence_or_a_lost_frame_the_time_since_boot_tells_that_it_was_his_choice(lost):
+    line = taken().lose(lost).beat(MANUAL, after_s=0.5 if lost else 1.5)
     assert not line.boss.drives  # an autopilot that restarted says MANUAL, too
     assert line.uptime().boss.drives
 

@@ -16,32 +16,37 @@ def frames(*numbers, every_s=0.1, frames=None):
 def test_numbers_in_a_row_show_that_nothing_is_missing(first, count):
     taken, numbers = frames(*[(first + k) % 256 for k in range(count)])
     assert all(taken)
-    assert not numbers.missed()
+    assert numbers.missed() == (False, False)
 
 
 @given(st.integers(0, 255), st.integers(2, 127))
 def test_a_gap_is_told_once(first, step):
     _, numbers = frames(first, (first + step) % 256)
-    assert numbers.missed()
-    assert not numbers.missed()
+    assert numbers.missed() == (True, True)
+    assert numbers.missed() == (False, False)
 
 
 @given(st.integers(0, 255), st.integers(0, 127))
 def test_copies_and_frames_that_were_overtaken_are_not_taken(newest, back):
     taken, numbers = frames(newest, (newest - back) % 256)
     assert taken == [True, False]
-    assert not numbers.missed()
+    assert numbers.missed() == (False, False)
 
 
 def test_after_a_silence_any_number_is_new():
     taken, numbers = frames(200, 0, every_s=3.0)
     assert taken == [True, True]
-    assert numbers.missed()
+    assert numbers.missed() == (True, True)
+
+
+def test_a_silence_without_a_missing_frame_may_hide_a_restart():
+    _, numbers = frames(255, 0, every_s=2.0)
+    assert numbers.missed() == (False, True)
 
 
 def test_after_a_long_silence_a_whole_round_may_be_missing():
     _, numbers = frames(7, 8, every_s=5.0)
-    assert numbers.missed()
+    assert numbers.missed() == (True, True)
 
 
 @given(st.floats(2.0, WRAP_S - 1.0), st.floats(0.05, 100.0))
