@@ -12,7 +12,13 @@ from twinscrew.hil_sim.autopilot.face import Face
 from twinscrew.hil_sim.autopilot.routing import AUTOPILOT, Routes
 from twinscrew.hil_sim.autopilot.rover import Rover, RoverSettings
 from twinscrew.hil_sim.autopilot.streams import Streams
-from twinscrew.hil_sim.autopilot.telemetry import TELLERS, Moment, Origin
+from twinscrew.hil_sim.autopilot.telemetry import (
+    DEFAULT_INTERVAL_S,
+    STREAMED,
+    TELLERS,
+    Moment,
+    Origin,
+)
 from twinscrew.runtime.errors import ConfigError, one_of
 from twinscrew.runtime.link.paddles import PaddleSettings, thrust_from_pwm
 from twinscrew.runtime.link.signing import Signing, read_key
@@ -29,7 +35,8 @@ class RoverAutopilotSettings(Settings, frozen=True):
     heartbeat_s: Positive = 1.0
     """[s] Between two heartbeats."""
     streams_hz: dict[str, Positive] = field(default_factory=dict)
-    """[Hz] Messages sent from the start, by name, as {"ATTITUDE" = 4}; the rest is on request."""
+    """[Hz] How often messages are sent from the start, by name, as {"ATTITUDE" = 4}. Those of
+    ArduRover's streams come once a second unless it says otherwise, the rest on request."""
     signing_key_file: str = ""
     """File of the signing key, readable by its owner only; empty for no signing."""
 
@@ -62,8 +69,9 @@ class RoverAutopilot:
         if signing is None and settings.signing_key_file:
             signing = Signing(read_key(Path(settings.signing_key_file)))
         self.rover = Rover(settings.rover, system_id, boot_s)
-        wanted = {_message_id(name): 1.0 / hz for name, hz in settings.streams_hz.items()}
-        wanted = {mavlink.MAVLINK_MSG_ID_HEARTBEAT: settings.heartbeat_s} | wanted
+        chosen = {_message_id(name): 1.0 / hz for name, hz in settings.streams_hz.items()}
+        streams = dict.fromkeys(STREAMED, DEFAULT_INTERVAL_S)
+        wanted = {mavlink.MAVLINK_MSG_ID_HEARTBEAT: settings.heartbeat_s} | streams | chosen
         self._faces = [
             Face(self.rover, Wire(system_id, AUTOPILOT, signing), wanted) for _ in range(ports)
         ]

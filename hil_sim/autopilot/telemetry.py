@@ -200,6 +200,20 @@ TELLERS: dict[int, Callable[[Moment], Message | None]] = {
 }
 """Every message that can be asked for, by its id."""
 
+STREAMED = (
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+    mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+    mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
+    mavlink.MAVLINK_MSG_ID_RC_CHANNELS,
+)
+"""Messages that ArduRover sends unasked, in streams: SRn_EXT_STAT, EXTRA3, EXTRA1, POSITION,
+RC_CHAN. Read in its sources, Rover/GCS_Mavlink.cpp."""
+DEFAULT_INTERVAL_S = 1.0
+"""[s] SRn_* = 1: ArduRover's streams unless somebody sets them otherwise."""
+
 
 def _velocity_N(vehicle: Odometry) -> list[float]:
     velocity = rotation_from_quaternion(vehicle.q_NB) @ vehicle.velocity_B

@@ -68,6 +68,8 @@ def action_of(fault: Fault, rig: Rig, crew: RealtimeCrew, rng: Generator) -> Act
             return _pilot(rig, given)
         case "parameter", _:
             return _parameter(rig, given)
+        case "streams", _:
+            return Action(lambda: rig.autopilot.request_streams(given.rate_hz), _nothing)
         case "goal", _:
             return Action(lambda: crew.deliver(vessel, "goal", rig.goal, 0.0), _nothing)
     return _on_lines(fault, rig, rng)

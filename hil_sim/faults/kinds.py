@@ -114,6 +114,13 @@ class Parameter(Settings, frozen=True):
     value: float
 
 
+class Streams(Settings, frozen=True):
+    """Somebody asks the autopilot for all of its streams at one rate (REQUEST_DATA_STREAM)."""
+
+    rate_hz: Positive = 1.0
+    """[Hz] ArduRover's default."""
+
+
 @dataclass(frozen=True, slots=True)
 class Kind:
     """What a kind of fault may be done to, and with which parameters."""
@@ -138,9 +145,10 @@ KINDS: Final[Mapping[str, Kind]] = {
     "cpu_hog": Kind(("machine",), Hog),
     "pilot": Kind(("autopilot",), Pilot),
     "parameter": Kind(("autopilot",), Parameter),
+    "streams": Kind(("autopilot",), Streams),
     "goal": Kind(("runtime",), Nothing),
 }
 """Every kind. `kill` and `hang` end with a restart; `goal` is an operator who sends it again."""
 
-AT_ONCE: Final = ("pilot", "goal")
+AT_ONCE: Final = ("pilot", "streams", "goal")
 """Kinds that happen and are over."""

@@ -63,6 +63,8 @@ class Promise(Settings, frozen=True):
     """The state that the boat is in before the first fault ends."""
     moves_again_s: Positive | None = None
     """[s] From the last fault's end to propellers that turn again."""
+    steady: bool = False
+    """From then on they stand still only where its own decisions ask for nothing."""
     sails_on: bool = False
     """The propellers never stand still."""
     rests: bool = False

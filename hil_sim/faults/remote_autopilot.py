@@ -15,10 +15,12 @@ import sys
 
 import msgspec
 import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.drivers.processes import be_punctual, is_punctual, ordinary
 from twinscrew.hil_sim.faults.pilot import Bridge, act, bridge_of
+from twinscrew.runtime.link.wire import Wire
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Odometry
 
@@ -26,6 +28,8 @@ SIGNAL_LOST_S = 0.1
 """[s] A propeller whose input has no pulse for this long stops."""
 PUNCTUAL = "punctual"
 """The word that asks for real-time priority."""
+STATION_ID = 255
+"""[-] The system id of a ground station."""
 _LARGEST = 1 << 18
 
 
@@ -91,6 +95,13 @@ class RemoteAutopilot:
     def act(self, does: str) -> None:
         """Let a pilot do something."""
         self._acts.append(does)
+
+    def request_streams(self, rate_hz: float) -> None:
+        """Ask for all of its streams at a rate, as a ground station does."""
+        message = mavlink.MAVLink_request_data_stream_message(
+            self._system_id, mavlink.MAV_COMP_ID_AUTOPILOT1, 0, round(rate_hz), 1
+        )
+        self._heard.append(Wire(STATION_ID, mavlink.MAV_COMP_ID_MISSIONPLANNER).encode(message))
 
     def set_parameter(self, name: str, value: float) -> None:
         """Set a parameter."""

@@ -91,6 +91,7 @@ def judge(
         *_event(promise, witness, begin_s, first_end_s),
         *_state(promise, witness, begin_s, first_end_s),
         *_moves_again(promise, witness, end_s),
+        *_steady(promise, witness, end_s, now_s),
         *_sails_on(promise, witness, begin_s, now_s, free_way=free_way),
         *_rests(promise, witness, end_s, now_s),
         *_bridge(promise, witness),
@@ -137,6 +138,15 @@ def _moves_again(promise: Promise, witness: Witness, end_s: float) -> list[Measu
     if promise.moves_again_s is None:
         return []
     return [_within("turns again", witness.sails_from(end_s), end_s, promise.moves_again_s)]
+
+
+def _steady(promise: Promise, witness: Witness, end_s: float, now_s: float) -> list[Measured]:
+    if not promise.steady:
+        return []
+    from_s = end_s + (promise.moves_again_s or 0.0)
+    stops = [span for span in witness.stops(from_s, now_s) if span.length_s > LAG_S]
+    words = f"{len(stops)} stops" if stops else "did"
+    return [Measured(what="steady", promised="to the end", measured=words, kept=not stops)]
 
 
 def _sails_on(

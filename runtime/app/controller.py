@@ -45,8 +45,6 @@ WATCHED = {"points": LIDAR_STALE, "odometry": ODOMETRY_STALE}
 
 FAULT_HOLD_S = 1.0
 """[s] After a fault of the runtime itself the thrust is neutral for this long."""
-DISOBEYED_S = 5.0
-"""[s] After the autopilot ignored the commands, neutral thrust this long before the next try."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +85,6 @@ class Controller:
         self._watchdog = Watchdog(
             {name: (kind, TOPICS[name].max_age_s or math.inf) for name, kind in WATCHED.items()}
         )
-        self._disobeyed_until_s = -math.inf
         self._engaged = False
         self._fault = False
         self._has_looked = not looks_first
@@ -173,7 +170,7 @@ class Controller:
         events = [*self._watchdog.check(now_s, self.stamp_ns), *said]
         self.note(tuple(events), now_s)
         status = self.link.status
-        may_drive = self._may_drive(status, now_s)
+        may_drive = status.engaged
         change = self.health.step(self._facts(status, may_drive, now_s), self.stamp_ns)
         if change:
             events.append(change)
@@ -257,11 +254,6 @@ class Controller:
     def _has_goal(self) -> bool:
         mission = self.core.pipeline.mission
         return mission.goal is not None and not mission.arrived
-
-    def _may_drive(self, status: AutopilotStatus, now_s: float) -> bool:
-        if status.obeying is False:
-            self._disobeyed_until_s = now_s + DISOBEYED_S
-        return status.engaged and now_s >= self._disobeyed_until_s
 
     def _facts(self, status: AutopilotStatus, may_drive: bool, now_s: float) -> Facts:
         return Facts(

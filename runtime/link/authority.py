@@ -1,26 +1,38 @@
-"""Who has the boat: when we may ask for MANUAL and for arming. A pilot's choice always wins.
+"""Who has the boat: a state machine that decides when we drive, and what we ask the autopilot for.
 
-The rules, all of them:
+It rests on what the autopilot's heartbeats say and on what the numbers of its frames prove
+(`continuity`), never on texts. `TRANSITIONS` is the whole of it; docs/mavlink.md shows the same
+table. Two principles decide every doubtful case: any mode but MANUAL is somebody else's choice, and
+what cannot be told from a pilot's choice is a pilot's choice.
 
-1. MANUAL is ours. Any other mode is somebody else's.
-2. At first contact we may ask for MANUAL if the boat is disarmed; an armed one is a pilot's.
-3. If MANUAL turns into another mode, a pilot took the boat, and we ask no more until he gives it
-   back by choosing MANUAL. The one exception to 2 and 3: HOLD that the autopilot's own radio
-   failsafe chose (it says so), which we may leave again.
-4. We arm at most once, if told to. A boat that was armed and is disarmed stays so.
-
-An operator's explicit word (`ask_again`) starts over.
+How the radio failsafe's HOLD is told from a pilot's: ArduRover sets its failsafe flag, then changes
+the mode, and sends a heartbeat at once, so that HOLD and MAV_STATE_CRITICAL come together. A
+pilot's HOLD comes with MAV_STATE_STANDBY, unless the state was critical before. So HOLD is the
+failsafe's if the heartbeat before it said MANUAL and was not critical, this one says HOLD and is,
+no frame between them is missing, the parameters say that the failsafe chooses HOLD, and for as long
+as the failsafe takes the autopilot has not shown that it hears us (the state is critical after a
+failure of the navigation filter, too). Sources: ArduPilot's Rover/failsafe.cpp,
+Rover/ekf_check.cpp, Rover/system.cpp, Rover/GCS_Mavlink.cpp.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from enum import Enum
+from types import MappingProxyType
 
+from twinscrew.runtime.link.continuity import FrameNumbers, Uptime
 from twinscrew.runtime.link.modes import HOLD, INITIALISING, MANUAL
 
-FAILSAFE_WINDOW_S = 3.0
-"""[s] The failsafe's message and its mode change belong together if they come this near."""
+ASK_SETTLED_S = 5.0
+"""[s] A request for MANUAL may act, and its effect be seen, this long after it was sent."""
+FAILSAFE_AFTER_S = 1.9
+"""[s] The failsafe acts no sooner after the last override: 0.5 s and FS_TIMEOUT, less two periods
+of the overrides."""
+FAILSAFE_PARAMETERS = ("FS_THR_ENABLE", "FS_ACTION", "FS_TIMEOUT")
+"""They must be known to be right, or HOLD is a pilot's."""
+_UINT32 = 2.0**32
 
 
 class AskManual(Enum):
@@ -32,70 +44,235 @@ class AskManual(Enum):
     """At the start, and when the radio failsafe chose HOLD."""
 
 
+class Holder(Enum):
+    """Who has the boat: the states."""
+
+    NOBODY = "nobody"
+    """No heartbeat yet, or only while the autopilot starts."""
+    OFFERED = "offered"
+    """At first contact it was disarmed and in another mode: we may ask for MANUAL."""
+    COMPANION = "companion"
+    """MANUAL is ours: we drive when it is armed."""
+    FAILSAFE = "failsafe"
+    """The radio failsafe chose HOLD: we may ask for MANUAL."""
+    PILOT = "pilot"
+    """A pilot took it, or may have. We ask for nothing and do not drive."""
+    RETURNING = "returning"
+    """A pilot's boat is in MANUAL again: is that his choice, or did the autopilot restart?"""
+
+
+class Input(Enum):
+    """What is heard: the inputs."""
+
+    MANUAL = "MANUAL"
+    INITIALISING = "INITIALISING"
+    FAILSAFE_HOLD = "HOLD by the failsafe"
+    UNCHANGED = "unchanged"
+    """The mode and arming of the heartbeat before, and nothing of importance can be missing."""
+    OTHER_DISARMED = "another mode, disarmed"
+    OTHER_ARMED = "another mode, armed"
+    GIVEN_BACK = "MANUAL by choice"
+    """After another mode, not by a request of ours, and no restart can lie between the two."""
+    MAYBE_GIVEN_BACK = "MANUAL by choice or by a restart"
+    """The same, but a frame is missing or there was a silence."""
+    SAME_START = "no restart"
+    """Its time since boot went on."""
+    RESTART = "restart"
+    """Its time since boot began anew."""
+    OPERATOR_MANUAL = "operator's word in MANUAL"
+    OPERATOR_OTHER = "operator's word in another mode"
+
+
+TRANSITIONS: Mapping[tuple[Holder, Input], Holder] = MappingProxyType(
+    {
+        (Holder.NOBODY, Input.MANUAL): Holder.COMPANION,
+        (Holder.NOBODY, Input.OTHER_DISARMED): Holder.OFFERED,
+        (Holder.NOBODY, Input.OTHER_ARMED): Holder.PILOT,
+        (Holder.OFFERED, Input.MANUAL): Holder.COMPANION,
+        (Holder.OFFERED, Input.INITIALISING): Holder.COMPANION,
+        (Holder.OFFERED, Input.OTHER_DISARMED): Holder.PILOT,
+        (Holder.OFFERED, Input.OTHER_ARMED): Holder.PILOT,
+        (Holder.COMPANION, Input.FAILSAFE_HOLD): Holder.FAILSAFE,
+        (Holder.COMPANION, Input.OTHER_DISARMED): Holder.PILOT,
+        (Holder.COMPANION, Input.OTHER_ARMED): Holder.PILOT,
+        (Holder.FAILSAFE, Input.MANUAL): Holder.COMPANION,
+        (Holder.FAILSAFE, Input.INITIALISING): Holder.COMPANION,
+        (Holder.FAILSAFE, Input.OTHER_DISARMED): Holder.PILOT,
+        (Holder.FAILSAFE, Input.OTHER_ARMED): Holder.PILOT,
+        (Holder.PILOT, Input.GIVEN_BACK): Holder.COMPANION,
+        (Holder.PILOT, Input.MAYBE_GIVEN_BACK): Holder.RETURNING,
+        (Holder.RETURNING, Input.SAME_START): Holder.COMPANION,
+        (Holder.RETURNING, Input.RESTART): Holder.PILOT,
+        (Holder.RETURNING, Input.INITIALISING): Holder.PILOT,
+        (Holder.RETURNING, Input.FAILSAFE_HOLD): Holder.PILOT,
+        (Holder.RETURNING, Input.OTHER_DISARMED): Holder.PILOT,
+        (Holder.RETURNING, Input.OTHER_ARMED): Holder.PILOT,
+        **{(holder, Input.OPERATOR_MANUAL): Holder.COMPANION for holder in Holder},
+        **{(holder, Input.OPERATOR_OTHER): Holder.OFFERED for holder in Holder},
+    }
+)
+"""What is not in the table changes nothing. In COMPANION, INITIALISING is a restart: MANUAL
+afterwards is ours as at the start, any other mode is a pilot's."""
+
+
 class Authority:
-    """Remembers who has the boat; times are the caller's."""
+    """Remembers who has the boat; times are the caller's.
+
+    Parameters
+    ----------
+    ask_manual, arm
+        What the configuration permits to ask for.
+    """
 
     def __init__(self, ask_manual: AskManual, *, arm: bool) -> None:
         self._ask_manual = ask_manual
         self._arm = arm
+        self.holder = Holder.NOBODY
         self.mode: int | None = None
-        """The autopilot's mode; None before it told."""
+        """The autopilot's mode; None before the first heartbeat."""
         self.armed = False
         self.was_armed = False
         """True once the boat was armed: from then on disarming is somebody's decision."""
-        self.taken = False
-        """True while a pilot has the boat."""
-        self.held = False
-        """True while the radio failsafe's HOLD is on."""
-        self._changed_s = self._failsafe_s = -math.inf
+        self.arming_unknown = False
+        """True if a request for arming was not answered and frames are missing: the boat may have
+        been armed, and disarmed by a pilot. So it is not asked again."""
+        self.failsafe_holds = False
+        """Whether `FAILSAFE_PARAMETERS` are known to be right."""
+        self._critical = False
+        self._doubtful = False
+        self._frames = FrameNumbers()
+        self._uptimes = {1e-3: Uptime(_UINT32 * 1e-3), 1e-6: Uptime(_UINT32 * 1e-6)}
+        self._uptime_known = False
+        self._other_mode_seen = False  # in the last heartbeat, and a restart since would be seen
+        self._reached_s = -math.inf
+        self._asked_s = -math.inf
+        self._arming_asked = False
 
-    def ask_again(self) -> None:
-        """Start over, on an operator's word: ask for MANUAL and arm as at the start."""
-        self.taken = self.held = False
-        self.was_armed = self.armed
+    @property
+    def taken(self) -> bool:
+        """Whether a pilot has the boat, or may have it."""
+        return self.holder in (Holder.PILOT, Holder.RETURNING)
+
+    @property
+    def held(self) -> bool:
+        """Whether the radio failsafe's HOLD is on."""
+        return self.holder is Holder.FAILSAFE
+
+    @property
+    def drives(self) -> bool:
+        """Whether thrust may act: the boat is ours, armed, in MANUAL."""
+        ours = self.holder is Holder.COMPANION and self.mode == MANUAL
+        return ours and self.armed and not self._doubtful
 
     @property
     def asks_manual(self) -> bool:
         """Whether to ask for MANUAL now."""
-        if self.mode in (None, MANUAL) or self.taken or self._ask_manual is AskManual.NEVER:
+        if self.mode in (MANUAL, INITIALISING) or self._doubtful:
             return False
-        return not self.held or self._ask_manual is AskManual.AFTER_FAILSAFE
+        if self.holder is Holder.OFFERED:
+            return self._ask_manual is not AskManual.NEVER
+        return self.holder is Holder.FAILSAFE and self._ask_manual is AskManual.AFTER_FAILSAFE
 
     @property
     def asks_arming(self) -> bool:
         """Whether to ask for arming now."""
-        return self._arm and self.mode == MANUAL and not self.armed and not self.was_armed
+        ours = self.holder is Holder.COMPANION and self.mode == MANUAL and not self._doubtful
+        return self._arm and ours and not (self.was_armed or self.arming_unknown)
 
-    @property
-    def drives(self) -> bool:
-        """Whether thrust may act: armed, in MANUAL."""
-        return self.armed and self.mode == MANUAL
+    def frame(self, number: int, now_s: float) -> bool:
+        """Take the sequence number of a frame; False if the frame must not be used: it is late."""
+        if self.mode is None:
+            self._frames = FrameNumbers()  # nothing is known yet that could be overtaken
+        return self._frames.arrived(number, now_s)
 
-    def heard(self, mode: int, armed: bool, now_s: float) -> None:
-        """Take the mode and arming of a heartbeat."""
-        before, self.mode = self.mode, mode
-        self.note_armed(armed)
+    def heartbeat(self, mode: int, now_s: float, *, armed: bool, critical: bool) -> None:
+        """Take what a heartbeat says, from a frame that is not late."""
+        missed, broken = (lost or self._doubtful for lost in self._frames.missed())
+        if self._arming_asked and missed and not armed:
+            self.arming_unknown = True
         if mode == MANUAL:
-            self.taken = self.held = False
-            if before != MANUAL:
-                self._failsafe_s = -math.inf  # used up: it excuses one HOLD, not the next
-        elif mode != before:
-            self._changed_s = now_s
-            self.held = mode == HOLD and self._failsafe_is_near()
-            self.taken = not self.held and (armed or before not in (None, INITIALISING))
+            heard = self._manual(broken, now_s)
+        else:
+            heard = self._input(mode, armed, critical, missed, now_s)
+        self.mode, self._critical, self._doubtful = mode, critical, False
+        self.note_armed(armed)
+        self._other_mode_seen = mode not in (MANUAL, INITIALISING) and self._uptime_known
+        self._follow(heard)
+
+    def late_heartbeat(self, mode: int, *, armed: bool) -> None:
+        """Take what a heartbeat says, from a frame that is late, or else of a new start.
+
+        If it contradicts what is known, we neither drive nor ask until the next one that counts.
+        """
+        self._doubtful |= (mode, armed) != (self.mode, self.armed)
+
+    def uptime(self, counted: int, unit_s: float, now_s: float) -> bool:
+        """Take a time since boot of a frame not late; True if it shows that it has restarted.
+
+        Parameters
+        ----------
+        counted, unit_s
+            The time, as 32 bits that count units of 1e-3 s or 1e-6 s.
+        """
+        same = self._uptimes[unit_s].arrived(counted * unit_s, now_s)
+        if same is None:
+            return False
+        self._uptime_known = same
+        self._other_mode_seen &= same
+        self._follow(Input.SAME_START if same else Input.RESTART)
+        return not same
+
+    def reached(self, sent_s: float) -> None:
+        """Take proof that a message of ours, sent at a time, was received: it was answered."""
+        self._reached_s = max(self._reached_s, sent_s)
+
+    def manual_asked(self, now_s: float) -> None:
+        """Note that MANUAL was asked for."""
+        self._asked_s = now_s
+
+    def arming_asked(self) -> None:
+        """Note that arming was asked for."""
+        self._arming_asked = True
+
+    def arming_refused(self) -> None:
+        """Note that the autopilot refused to arm: the request did nothing."""
+        self._arming_asked = False
 
     def note_armed(self, armed: bool) -> None:
-        """Take word that the boat is armed or not (a heartbeat, or the answer to arming)."""
+        """Take word that the boat is armed or not: a heartbeat, or the answer to our request."""
         self.armed = armed
-        self.was_armed = self.was_armed or armed
+        if armed:
+            self.was_armed, self._arming_asked = True, False
 
-    def failsafe(self, now_s: float) -> None:
-        """Take word of the radio failsafe; it may come before or after the mode change."""
-        self._failsafe_s = now_s
-        if self.mode == HOLD and self.taken and self._failsafe_is_near():
-            self.held, self.taken = True, False
+    def ask_again(self) -> None:
+        """Start over, on an operator's word: ask for MANUAL and arm as at the start."""
+        self.was_armed, self.arming_unknown, self._arming_asked = self.armed, False, False
+        if self.mode is not None:
+            ours = self.mode == MANUAL
+            self._follow(Input.OPERATOR_MANUAL if ours else Input.OPERATOR_OTHER)
 
-    def _failsafe_is_near(self) -> bool:
-        if not math.isfinite(self._changed_s + self._failsafe_s):
-            return False
-        return abs(self._changed_s - self._failsafe_s) < FAILSAFE_WINDOW_S
+    def _follow(self, heard: Input) -> None:
+        self.holder = TRANSITIONS.get((self.holder, heard), self.holder)
+
+    def _manual(self, broken: bool, now_s: float) -> Input:
+        """Tell what a heartbeat in MANUAL means."""
+        by_request = now_s - self._asked_s < ASK_SETTLED_S
+        if self.holder is not Holder.PILOT or by_request:
+            return Input.MANUAL
+        if self.mode not in (None, MANUAL, INITIALISING) and not broken:
+            return Input.GIVEN_BACK
+        return Input.MAYBE_GIVEN_BACK if self._other_mode_seen else Input.MANUAL
+
+    def _input(self, mode: int, armed: bool, critical: bool, missed: bool, now_s: float) -> Input:
+        """Tell what a heartbeat in another mode means, from it and the one before it."""
+        if mode == INITIALISING:
+            return Input.INITIALISING
+        at_once = self.mode == MANUAL and not self._critical and mode == HOLD and critical
+        unheard_s = now_s - self._reached_s
+        unheard = math.isfinite(unheard_s) and unheard_s >= FAILSAFE_AFTER_S
+        if at_once and unheard and self.failsafe_holds and not missed:
+            return Input.FAILSAFE_HOLD
+        unasked = self.holder is Holder.OFFERED and not math.isfinite(self._asked_s)
+        if (mode, armed) == (self.mode, self.armed) and (unasked or not missed):
+            return Input.UNCHANGED
+        return Input.OTHER_ARMED if armed else Input.OTHER_DISARMED

@@ -13,11 +13,16 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from twinscrew.runtime.link import commands
-from twinscrew.runtime.link.conditions import Conditions, conditions
-from twinscrew.runtime.link.conversation import Wanted
-from twinscrew.runtime.link.events import AUTOPILOT_SAYS, MESSAGE_UNSENT, PARAMETERS_WRITTEN
+from twinscrew.runtime.link.conditions import Conditions, conditions, why_ignored
+from twinscrew.runtime.link.events import (
+    AUTOPILOT_SAYS,
+    MESSAGE_UNSENT,
+    OVERRIDE_IGNORED,
+    PARAMETERS_WRITTEN,
+)
 from twinscrew.runtime.link.listener import Listener
 from twinscrew.runtime.link.modes import mode_name
+from twinscrew.runtime.link.obedience import Trials
 from twinscrew.runtime.link.paddling import RELEASED, STOP, LettingGo, Pair, Thrust, paddles
 from twinscrew.runtime.link.parameters import ParameterState
 from twinscrew.runtime.link.settings import AutopilotSettings
@@ -63,10 +68,8 @@ class AutopilotLink:
         self._listener = Listener(settings)
         self._conditions = Conditions()
         self._letting_go = LettingGo()
-        self._streams = [
-            Wanted(settings.system_id, message_id, rate_hz)
-            for message_id, rate_hz in commands.streams(settings)
-        ]
+        self._trials = Trials()
+        self._words = 0
         self._outbox: list[Message] = []
         self._texts = 0
         self._unsent: list[str] = []
@@ -77,11 +80,9 @@ class AutopilotLink:
         """Take bytes from the autopilot; whatever they are, it never raises."""
         self._now_s = now_s
         for message in self.wire.decode(data):
-            if self._listener.take(message, now_s):
-                for stream in self._streams:
-                    stream.heard(message.get_msgId(), now_s)
-            elif self.stations is not None:
+            if not self._listener.take(message, now_s) and self.stations is not None:
                 self.stations.take(message, now_s)
+        self._judge_obedience(now_s)
 
     def tick(self, now_s: float, *, may_ask: bool = True) -> bytes:
         """Give what keeps the conversation going: heartbeat, requests, texts.
@@ -126,8 +127,8 @@ class AutopilotLink:
         Returns
         -------
         bytes
-            Stop unless the autopilot is heard, armed and in MANUAL; nothing while a pilot with a
-            receiver steers.
+            Stop unless the autopilot is heard, ours, armed and in MANUAL, has the parameters on
+            which safety rests, and obeys; nothing while a pilot with a receiver steers.
         """
         self._now_s = self._commanded_s = now_s
         self._first_command_s = min(self._first_command_s, now_s)
@@ -136,7 +137,7 @@ class AutopilotLink:
             pair = self._letting_go.let_go(now_s)
             return b"" if pair is None else self._override(pair)
         self._letting_go.hold()
-        acts = thrust is not None and self._listener.engaged(now_s)
+        acts = thrust is not None and self._engaged(now_s)
         pair = paddles(thrust, self.settings.paddles) if acts and thrust is not None else STOP
         if self._listener.authority.drives:
             self._listener.obedience.commanded(pair, now_s)
@@ -154,7 +155,9 @@ class AutopilotLink:
         written = listener.parameters.take_written()
         if written:
             said.append(PARAMETERS_WRITTEN.at(stamp_ns, "; ".join(written)))
-        holding = conditions(self.status, listener.authority, listener.manual, listener.arming)
+        holding = conditions(self.status, listener, now_s)
+        if self._trials.withhold(now_s):
+            holding[OVERRIDE_IGNORED] = why_ignored(listener, given_up=self._trials.given_up)
         return (*said, *self._conditions.changes(holding, stamp_ns))
 
     def say(self, text: str, severity: Severity = Severity.INFO) -> None:
@@ -168,6 +171,7 @@ class AutopilotLink:
 
     def ask_again(self) -> None:
         """Ask for MANUAL and arming as at the start: an operator's explicit word."""
+        self._words += 1
         self._listener.authority.ask_again()
 
     def disarm(self) -> None:
@@ -214,21 +218,25 @@ class AutopilotLink:
             parameters_wrong=listener.parameters.wrong,
             battery_v=listener.battery[0],
             battery_percent=listener.battery[1],
+            parameters_unsafe=listener.parameters.unsafe,
+            engaged=self._engaged(self._now_s),
         )
 
     def _requests(self, now_s: float, *, may_ask: bool) -> list[Message]:
         listener, authority = self._listener, self._listener.authority
-        messages = [request for stream in self._streams for request in stream.ask(now_s)]
+        messages = [request for stream in listener.streams for request in stream.ask(now_s)]
         messages += listener.parameters.ask(self.settings.system_id, now_s)
-        if self.settings.state_hz > 0:
-            messages += listener.odometry.clock.ask(now_s)
+        messages += listener.odometry.clock.ask(now_s)
         if not may_ask:
             return messages
-        if listener.is_boat and authority.asks_manual:
-            messages += listener.manual.ask(now_s)
+        if listener.is_boat and authority.asks_manual and (ask := listener.manual.ask(now_s)):
+            authority.manual_asked(now_s)
+            messages += ask
         streaming = now_s - self._first_command_s >= commands.STREAM_BEFORE_ARMING_S
-        if listener.is_boat and authority.asks_arming and streaming:
-            messages += listener.arming.ask(now_s)
+        ready = listener.is_boat and streaming and not listener.parameters.unsafe
+        if ready and authority.asks_arming and (ask := listener.arming.ask(now_s)):
+            authority.arming_asked()
+            messages += ask
         return messages
 
     def _frame(self, message: Message) -> bytes:
@@ -238,6 +246,18 @@ class AutopilotLink:
         except Exception as error:  # pymavlink raises whatever struct and its own code do
             self._unsent.append(f"{message.get_type()}: {error}")
             return b""
+
+    def _engaged(self, now_s: float) -> bool:
+        return self._listener.engaged(now_s) and not self._trials.withhold(now_s)
+
+    def _judge_obedience(self, now_s: float) -> None:
+        listener, authority = self._listener, self._listener.authority
+        parameters = listener.parameters.wrong
+        situation = (authority.mode, authority.armed, parameters, self._words)
+        withheld = self._trials.withhold(now_s)
+        self._trials.judge(listener.obedience.obeying, situation, now_s)
+        if self._trials.withhold(now_s) and not withheld:
+            listener.parameters.read_again()  # one of them may be why
 
     def _is_the_pilots(self, *, nothing_wanted: bool) -> bool:
         authority = self._listener.authority

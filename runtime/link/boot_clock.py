@@ -73,12 +73,19 @@ class BootClock:
         self._question_ns = round(now_s * 1e9)
         return [mavlink.MAVLink_timesync_message(0, self._question_ns)]
 
-    def answered(self, message: Message, now_s: float) -> None:
-        """Take a TIMESYNC; only the answer to our last question counts."""
+    def answered(self, message: Message, now_s: float) -> float | None:
+        """Take a TIMESYNC; only the answer to our last question counts.
+
+        Returns
+        -------
+        float or None
+            When the question was sent [s]; None if this does not answer it.
+        """
         if message.tc1 == 0 or message.ts1 != self._question_ns:
-            return
+            return None
         self._question_ns = None
-        round_trip_s = now_s - message.ts1 * 1e-9
+        round_trip_s = float(now_s - message.ts1 * 1e-9)
         if round_trip_s >= 0.0:
             middle_s = now_s - round_trip_s / 2
             self._synced.offer(middle_s - message.tc1 * 1e-9, round_trip_s, now_s)
+        return now_s - round_trip_s

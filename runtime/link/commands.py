@@ -89,7 +89,10 @@ def message_interval(target: int, message_id: int, rate_hz: float) -> Message:
 
 def streams(settings: AutopilotSettings) -> list[tuple[int, float]]:
     """Give the messages that the link wants, with their rates [Hz]."""
-    wanted = [(int(mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW), settings.servo_output_hz)]
+    wanted = [
+        (int(mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW), settings.servo_output_hz),
+        (int(mavlink.MAVLINK_MSG_ID_HEARTBEAT), 1.0 / HEARTBEAT_S),
+    ]
     if settings.state_hz > 0:
         wanted += [(id_, settings.state_hz) for id_ in _STATE[settings.state_message]]
     if settings.state_hz > 0 and settings.datum is not None:

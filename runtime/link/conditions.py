@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from twinscrew.runtime.link import events
-from twinscrew.runtime.link.authority import Authority
-from twinscrew.runtime.link.conversation import Retried
+from twinscrew.runtime.link.listener import Listener
+from twinscrew.runtime.link.parameters import GCS_ID, OTHER_NAMES
 from twinscrew.runtime.link.status import AutopilotStatus
 from twinscrew.runtime.messages.types import HealthEvent
 from twinscrew.runtime.safety.events import EventKind
@@ -15,17 +15,22 @@ Holding = dict[EventKind, str]
 """The conditions that hold now, each with its detail in plain words."""
 
 
-def conditions(
-    status: AutopilotStatus, authority: Authority, manual: Retried, arming: Retried
-) -> Holding:
+TOLD_AGAIN = frozenset(
+    {events.MODE_TAKEN, events.PARAMETERS_WRONG, events.PARAMETERS_UNSAFE, events.OVERRIDE_IGNORED}
+)
+"""Conditions whose words matter: an event follows whenever they change."""
+
+
+def conditions(status: AutopilotStatus, listener: Listener, now_s: float) -> Holding:
     """Give every condition that an operator should know."""
     if not status.connected:
         return {events.AUTOPILOT_SILENT: _silence(status)}
     if not status.is_boat:
         return {events.WRONG_VEHICLE: f"MAV_TYPE {status.vehicle_type}, must be 11 (FRAME_CLASS 2)"}
+    authority, manual, arming = listener.authority, listener.manual, listener.arming
     holding: Holding = {}
     if status.pilot_has_it:
-        holding[events.MODE_TAKEN] = f"mode {status.mode}"
+        holding[events.MODE_TAKEN] = _taken(status)
     if status.failsafe_hold:
         holding[events.FAILSAFE_HOLD] = "overrides had stopped"
     if authority.was_armed and not status.armed:
@@ -34,13 +39,37 @@ def conditions(
         holding[events.MODE_REFUSED] = f"result {manual.refusal} in mode {status.mode}"
     if authority.asks_arming and arming.refusal is not None:
         holding[events.ARMING_REFUSED] = arming.reason or f"result {arming.refusal}"
-    if status.obeying is False:
-        holding[events.OVERRIDE_IGNORED] = (
-            f"outputs are {status.outputs_us} us; SYSID_MYGCS may be another system's id"
-        )
-    if status.parameters_wrong:
-        holding[events.PARAMETERS_WRONG] = "; ".join(status.parameters_wrong)
+    if authority.arming_unknown and not authority.was_armed:
+        holding[events.ARMING_REFUSED] = "no answer came, and messages were lost: arm it by hand"
+    slow = [words for stream in listener.streams if (words := stream.refused(now_s)) is not None]
+    if slow:
+        holding[events.STREAM_SLOW] = "; ".join(slow)
+    parameters = listener.parameters
+    if parameters.done and parameters.wrong:
+        holding[events.PARAMETERS_WRONG] = "; ".join(parameters.wrong)
+    if parameters.done and parameters.unsafe:
+        holding[events.PARAMETERS_UNSAFE] = "; ".join(parameters.unsafe)
     return holding
+
+
+def why_ignored(listener: Listener, *, given_up: bool) -> str:
+    """Say why the outputs do not follow, as far as the parameters show it."""
+    parameters = listener.parameters
+    ours = [words for words in parameters.wrong if words.startswith((GCS_ID, OTHER_NAMES[GCS_ID]))]
+    causes = [*ours, *parameters.shaping]
+    if causes:
+        words = "; ".join(causes)
+    elif parameters.has(GCS_ID):
+        words = "the parameters that were read are right: is RCx_OPTION 46 or the safety switch on?"
+    else:
+        words = f"{GCS_ID} may be another system's id"
+    return f"{words}; not tried again until something changes" if given_up else words
+
+
+def _taken(status: AutopilotStatus) -> str:
+    if status.mode != "MANUAL":
+        return f"mode {status.mode}"
+    return "mode MANUAL, but by a restart or a late request: choose another mode, then MANUAL"
 
 
 class Conditions:
@@ -51,7 +80,11 @@ class Conditions:
 
     def changes(self, holding: Holding, stamp_ns: int) -> list[HealthEvent]:
         """Give an event for each condition that began, or is over."""
-        begun = [kind.at(stamp_ns, words) for kind, words in holding.items() if self._is_new(kind)]
+        begun = [
+            kind.at(stamp_ns, words)
+            for kind, words in holding.items()
+            if kind not in self._held or (kind in TOLD_AGAIN and words != self._held[kind])
+        ]
         over = [
             events.AUTOPILOT_RECOVERED.at(stamp_ns, kind.name)
             for kind in self._held
@@ -59,9 +92,6 @@ class Conditions:
         ]
         self._held = holding
         return begun + over
-
-    def _is_new(self, kind: EventKind) -> bool:
-        return kind not in self._held
 
 
 def _silence(status: AutopilotStatus) -> str:

@@ -28,6 +28,14 @@ WRONG_VEHICLE = EventKind(
 PARAMETERS_WRONG = EventKind(
     "parameters_wrong", Severity.WARNING, "Autopilot parameters are not what they must be."
 )
+PARAMETERS_UNSAFE = EventKind(
+    "parameters_unsafe",
+    Severity.ERROR,
+    "Autopilot parameters on which safety rests are wrong: no driving, no arming.",
+)
+STREAM_SLOW = EventKind(
+    "stream_slow", Severity.WARNING, "A message of the autopilot comes too seldom."
+)
 PARAMETERS_WRITTEN = EventKind(
     "parameters_written", Severity.INFO, "Autopilot parameters were put right."
 )

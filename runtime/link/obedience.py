@@ -11,6 +11,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Hashable
+
+TRIES = 3
+"""[-] After the autopilot disobeyed this often, it is not tried again until something changes."""
+WITHHELD_S = 5.0
+"""[s] Neutral thrust for this long between two tries."""
+TRUSTED_S = 5.0
+"""[s] Obeyed for this long without a break: earlier disobedience is forgotten."""
 
 Pair = tuple[int, int]
 """Left and right [us]."""
@@ -63,8 +71,10 @@ class Obedience:
             return
         if self._explained(outputs):
             self._differs_since_s = None
-            if self.obeying is False or any(abs(o - stop) > self._tolerance_us for o in outputs):
+            if any(abs(o - stop) > self._tolerance_us for o in outputs):
                 self.obeying = True
+            elif self.obeying is False:
+                self.obeying = None
             return
         if self._differs_since_s is None:
             self._differs_since_s = now_s
@@ -79,3 +89,37 @@ class Obedience:
             if not low <= output <= high:
                 return False
         return True
+
+
+class Trials:
+    """Decides whether an autopilot that disobeyed is tried again: a few times, then not."""
+
+    def __init__(self) -> None:
+        self._situation: Hashable = None
+        self._disobeyed = 0
+        self._withheld_until_s = -math.inf
+        self._obeys_since_s: float | None = None
+
+    @property
+    def given_up(self) -> bool:
+        """Whether nothing but a change of the situation brings a further try."""
+        return self._disobeyed >= TRIES
+
+    def judge(self, obeying: bool | None, situation: Hashable, now_s: float) -> None:
+        """Take what `Obedience` says; a situation that differs from the last one starts over."""
+        if situation != self._situation:
+            self._situation, self._disobeyed = situation, 0
+            self._withheld_until_s = -math.inf
+        if obeying is False and not self.withhold(now_s):
+            self._disobeyed += 1
+            self._withheld_until_s = now_s + WITHHELD_S
+        if obeying is not True:
+            self._obeys_since_s = None
+        elif self._obeys_since_s is None:
+            self._obeys_since_s = now_s
+        elif now_s - self._obeys_since_s >= TRUSTED_S:
+            self._disobeyed = 0
+
+    def withhold(self, now_s: float) -> bool:
+        """Tell whether thrust is to be neutral now."""
+        return self.given_up or now_s < self._withheld_until_s

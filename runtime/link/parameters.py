@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -17,6 +17,13 @@ GCS_ID = "SYSID_MYGCS"
 """Whose overrides count: must be the system id that we speak as."""
 OTHER_NAMES = {GCS_ID: "MAV_GCS_SYSID"}
 """Names that newer firmware (4.7) gave to old parameters."""
+SAFETY = ("FS_THR_ENABLE", "FS_ACTION", "RC_OVERRIDE_TIME", GCS_ID)
+"""Parameters on which safety rests: what stops the propellers when we stop, and who may drive. The
+link neither drives nor arms while one of them is wrong or unread."""
+NOT_SHAPING = frozenset({*SAFETY, "FS_TIMEOUT", "FS_THR_VALUE", "ARMING_RUDDER"})
+"""Parameters that do not change what the outputs make of the channels; all others do."""
+AGAIN_S = 2.0
+"""[s] A parameter that is wrong is read again after this long: somebody may have put it right."""
 RETRY_S = 0.5
 """[s] Ask again after this long without an answer."""
 TRIES = 10
@@ -60,18 +67,24 @@ class _Question:
     tries: int = 0
     next_s: float = 0.0
     value: float | None = None
+    answered: bool = False
     missing: bool = False
+    again_s: float = 0.0
     writes: int = 0
     before: float | None = None
     told: bool = False
 
     @property
     def open(self) -> bool:
-        return self.value is None and not self.missing
+        return not (self.answered or self.missing)
 
     @property
     def wrong(self) -> bool:
         return self.missing or (self.value is not None and not _same(self.value, self.expected))
+
+    @property
+    def unsafe(self) -> bool:
+        return self.wrong or self.value is None
 
 
 class ParameterCheck:
@@ -83,19 +96,43 @@ class ParameterCheck:
         Names and the values that they must have.
     write
         Write what is wrong (PARAM_SET), and believe it when the autopilot repeats it.
+    accepted
+        Names of `SAFETY` that the configuration accepts whatever they are.
     """
 
-    def __init__(self, expected: Mapping[str, float], *, write: bool = False) -> None:
-        self._questions = {name: _Question(name, value, name) for name, value in expected.items()}
-        self._open = list(self._questions.values())
+    def __init__(
+        self,
+        expected: Mapping[str, float],
+        *,
+        write: bool = False,
+        accepted: Collection[str] = (),
+    ) -> None:
+        names = sorted(expected, key=lambda name: name not in SAFETY)  # those of safety first
+        self._questions = {name: _Question(name, expected[name], name) for name in names}
+        self._order = tuple(expected)
+        known_as = {other: name for name, other in OTHER_NAMES.items()}
+        excused = {known_as.get(name, name) for name in accepted}
+        self._safety = [
+            q for q in self._questions.values() if q.name in SAFETY and q.name not in excused
+        ]
         self._write = write
-        self.wrong: tuple[str, ...] = ()
-        """Words about each parameter known to be wrong: what it is, what it must be."""
+        self._judge()
 
     @property
     def done(self) -> bool:
         """Whether every parameter was answered or given up."""
         return not self._open
+
+    def has(self, *names: str) -> bool:
+        """Tell whether these parameters are known to be what they must be."""
+        found = [self._questions.get(name) for name in names]
+        return all(q is not None and not q.open and not q.wrong for q in found)
+
+    def read_again(self) -> None:
+        """Read every parameter again; what was read stays known until the new answer."""
+        for q in self._questions.values():
+            q.missing, q.tries, q.next_s, q.answered = False, 0, 0.0, False
+        self._judge()
 
     @property
     def values(self) -> dict[str, float]:
@@ -107,7 +144,7 @@ class ParameterCheck:
         """What is known of every parameter, in the order of the list."""
         return tuple(
             ParameterState(q.asked_as, q.expected, q.value, q.missing, q.before)
-            for q in self._questions.values()
+            for q in (self._questions[name] for name in self._order)
         )
 
     def take_written(self) -> list[str]:
@@ -131,6 +168,8 @@ class ParameterCheck:
             question.tries += 1
             question.next_s = now_s + RETRY_S
             messages.append(_read(target, question.asked_as))
+        if not self._open:
+            messages += self._ask_after_the_wrong(target, now_s)
         return messages
 
     def heard(self, name: str, value: float, target: int) -> list[Message]:
@@ -138,7 +177,7 @@ class ParameterCheck:
         asked = [q for q in self._questions.values() if q.asked_as == name]
         mend = []
         for question in asked:
-            question.value, question.missing = value, False
+            question.value, question.missing, question.answered = value, False, True
             if self._write and question.wrong and question.writes < TRIES:
                 if question.before is None:
                     question.before = value
@@ -148,9 +187,26 @@ class ParameterCheck:
             self._judge()
         return mend
 
+    def _ask_after_the_wrong(self, target: int, now_s: float) -> list[Message]:
+        due = [q for q in self._questions.values() if q.wrong and now_s >= q.again_s][:AT_ONCE]
+        for question in due:
+            question.again_s = now_s + AGAIN_S
+            other = OTHER_NAMES.get(question.name)
+            if question.missing and other is not None:  # whichever name this firmware knows
+                question.asked_as = other if question.asked_as == question.name else question.name
+        return [_read(target, question.asked_as) for question in due]
+
     def _judge(self) -> None:
+        questions = [self._questions[name] for name in self._order]
         self._open = [q for q in self._questions.values() if q.open]
-        self.wrong = tuple(_words(q) for q in self._questions.values() if q.wrong)
+        self.wrong: tuple[str, ...] = tuple(_words(q) for q in questions if q.wrong)
+        """Words about each parameter known to be wrong: what it is, what it must be."""
+        self.shaping: tuple[str, ...] = tuple(
+            _words(q) for q in questions if q.wrong and q.name not in NOT_SHAPING
+        )
+        """Those of them that change what the outputs make of the channels."""
+        self.unsafe: tuple[str, ...] = tuple(_words(q) for q in self._safety if q.unsafe)
+        """Words about each parameter of safety that is wrong, or not read yet, and not accepted."""
 
 
 def _try_other_name(question: _Question) -> bool:
@@ -167,7 +223,9 @@ def _same(a: float, b: float) -> bool:
 
 
 def _words(question: _Question) -> str:
-    if question.value is None:
+    if question.value is None and not question.missing:
+        return f"{question.name} is not read yet, must be {question.expected:g}"
+    if question.missing:
         return f"{question.name} is missing, must be {question.expected:g}"
     return f"{question.asked_as} is {question.value:g}, must be {question.expected:g}"
 

@@ -14,6 +14,9 @@ from twinscrew.runtime.settings import NonNegative, Positive, Settings
 
 Id = Annotated[int, Meta(ge=1, le=255)]
 Microseconds = Annotated[int, Meta(ge=1)]
+SafetyParameter = Literal[
+    "FS_THR_ENABLE", "FS_ACTION", "RC_OVERRIDE_TIME", "SYSID_MYGCS", "MAV_GCS_SYSID"
+]
 
 
 class AutopilotSettings(Settings, frozen=True):
@@ -37,7 +40,12 @@ class AutopilotSettings(Settings, frozen=True):
     """The message that carries thrust."""
     paddles: PaddleSettings = PaddleSettings()
     check_parameters: bool = True
-    """Read the parameters that the link depends on, and say which are wrong."""
+    """Read the parameters that the link depends on, and say which are wrong. False: only those on
+    which safety rests, which are always read."""
+    accept_parameters: tuple[SafetyParameter, ...] = ()
+    """Parameters on which safety rests that may have other values, or be missing: FS_THR_ENABLE,
+    FS_ACTION, RC_OVERRIDE_TIME, SYSID_MYGCS (MAV_GCS_SYSID). Any other one that is wrong, missing
+    or not read yet forbids driving and arming."""
     write_parameters: bool = False
     """Write the wrong ones."""
     servo_output_hz: Positive = 10.0
@@ -51,7 +59,7 @@ class AutopilotSettings(Settings, frozen=True):
     """latitude_deg and longitude_deg of the local frame's origin; none: where the autopilot's own
     filter began. Only for odometry from the autopilot."""
     silent_after_s: Positive = 0.5
-    """[s] Nothing for this long: the autopilot is silent (once its streams run)."""
+    """[s] Nothing for this long: the autopilot is silent (once its streams come at their rates)."""
     heartbeat_timeout_s: Positive = 3.5
     """[s] No heartbeat for this long: the autopilot is silent."""
     obey_tolerance_us: Microseconds = 5

@@ -36,16 +36,15 @@ class AutopilotStatus:
     """[-] Frames of MAVLink 1 that came; ArduPilot sends them until it hears MAVLink 2."""
     parameters_wrong: tuple[str, ...]
     """Words about each parameter that is not what it must be."""
-
+    parameters_unsafe: tuple[str, ...]
+    """Words about each parameter that forbids driving: wrong, missing, or not read yet."""
+    engaged: bool
+    """Whether thrust commands act: heard, a boat of ours, armed, in MANUAL mode, with the right
+    parameters, and not disobeying."""
     battery_v: float | None = None
     """[V] As the autopilot measures it; None if it has not said."""
     battery_percent: int | None = None
     """[%] What is left of it; None if the autopilot does not know."""
-
-    @property
-    def engaged(self) -> bool:
-        """Whether thrust commands act: heard, a boat, armed, in MANUAL mode."""
-        return self.connected and self.is_boat and self.armed and self.mode == "MANUAL"
 
     @property
     def words(self) -> str:

@@ -240,27 +240,44 @@ def test_a_boat_that_was_disarmed_stays_disarmed() -> None:
     assert boat.policy.asked == asked
 
 
-def test_a_silent_autopilot_stops_the_runtime_and_is_found_again() -> None:
+@pytest.mark.parametrize("cut_s", [1.5, 3.0])
+def test_a_silent_autopilot_stops_the_runtime_and_is_found_again(cut_s) -> None:
     boat = under_way()
     lost_s = boat.now_s
     boat.wire = False
-    boat.sail(3.0)
+    boat.sail(cut_s)
     assert boat.first("autopilot_silent") - lost_s <= 0.6
     assert boat.controller.thrust.tolist() == [0.0, 0.0]
     assert boat.controller.state is State.SAFE
     assert not boat.moves  # its own failsafe
     boat.wire = True
     boat.sail(8.0)
+    if boat.autopilot.rover.mode is Mode.HOLD:  # which a pilot may have chosen: it is not left
+        assert boat.controller.state is State.READY
+        boat.autopilot.rover.set_mode(Mode.MANUAL)
+        boat.sail(2.0)
     assert boat.controller.state is State.ACTIVE
     assert boat.moves
 
 
 def test_overrides_that_are_ignored_are_named_and_thrust_is_withheld() -> None:
-    boat = Boat(rover={"parameters": {"SYSID_MYGCS": 255.0}}, check_parameters=False)
+    rover = {"parameters": {"SYSID_MYGCS": 255.0}, "receiver": True}
+    boat = Boat(rover=rover, accept_parameters=("SYSID_MYGCS",))
     boat.autopilot.rover.arm(force=True)
     boat.sail(6.0)
     assert "override_ignored" in boat.names
     assert not boat.controller.engaged
+
+
+def test_an_autopilot_that_goes_on_disobeying_is_not_tried_for_ever() -> None:
+    boat = Boat(rover={"parameters": {"PILOT_STEER_TYPE": 0.0}}).sail(60.0)
+    given_up_s = boat.now_s
+    boat.sail(60.0)
+    assert not any(thrust.any() for when_s, thrust in boat.thrusts if when_s > given_up_s)
+    boat.autopilot.rover.parameters.set("PILOT_STEER_TYPE", 1.0)
+    boat.sail(5.0)
+    assert boat.moves
+    assert boat.controller.state is State.ACTIVE
 
 
 def test_without_permission_to_arm_it_waits_for_somebody() -> None:

@@ -68,10 +68,14 @@ def test_it_is_an_ardupilot_surface_boat():
     assert (beat.custom_mode, beat.base_mode & 128) == (0, 0)
 
 
-def test_its_heart_beats_once_a_second_and_nothing_else_is_told_unasked():
-    heard = Talk(receiver=True).hear(10.0)
-    assert len(only(heard, "HEARTBEAT")) == 10
-    assert {m.get_type() for m in heard} <= {"HEARTBEAT", "STATUSTEXT"}
+def test_it_sends_ardurovers_streams_once_a_second_unasked_and_nothing_else():
+    talk = Talk(receiver=True)
+    talk.vehicle = odometry()
+    heard = talk.hear(10.0)
+    streamed = {"SYS_STATUS", "SYSTEM_TIME", "ATTITUDE", "LOCAL_POSITION_NED", "RC_CHANNELS"}
+    streamed |= {"GLOBAL_POSITION_INT", "SERVO_OUTPUT_RAW", "HEARTBEAT"}
+    assert {m.get_type() for m in heard} - {"STATUSTEXT"} == streamed
+    assert {name: len(only(heard, name)) for name in streamed} == dict.fromkeys(streamed, 10)
 
 
 def test_a_message_comes_at_the_rate_it_is_asked_for():
@@ -197,10 +201,10 @@ def test_where_it_is_and_how_it_moves_is_told_in_ned():
     talk.vehicle = odometry(north=100.0, east=50.0, yaw=math.pi / 2, surge=2.0)
     for message_id in (30, 32, 33):
         talk.say(mavlink.MAVLink_command_long_message(SYSTEM, 1, 512, 0, message_id, *[0.0] * 6))
-    heard = talk.hear()
-    (attitude,) = only(heard, "ATTITUDE")
-    (local,) = only(heard, "LOCAL_POSITION_NED")
-    (earth,) = only(heard, "GLOBAL_POSITION_INT")
+    heard = talk.hear(0.05)
+    attitude, *_ = only(heard, "ATTITUDE")
+    local, *_ = only(heard, "LOCAL_POSITION_NED")
+    earth, *_ = only(heard, "GLOBAL_POSITION_INT")
     assert (attitude.roll, attitude.yaw) == pytest.approx((0.05, math.pi / 2), abs=1e-6)
     assert (local.x, local.y) == (100.0, 50.0)
     assert (local.vx, local.vy) == pytest.approx((0.0, 2.0), abs=0.01)

@@ -10,6 +10,7 @@ from tests.harness.waiting import wait_until
 from twinscrew.hil_sim.faults.remote_autopilot import SIGNAL_LOST_S, RemoteAutopilot
 from twinscrew.runtime.link.autopilot import AutopilotLink
 from twinscrew.runtime.link.settings import AutopilotSettings
+from twinscrew.runtime.link.wire import Wire
 
 TICK_S = 0.05
 
@@ -107,3 +108,18 @@ def test_stopped_it_goes_on_where_it_was(bench: Bench) -> None:
     bench.autopilot.signal(signal.SIGCONT)
     wait_until(bench.drives)
     assert bench.autopilot.bridge.armed
+
+
+def test_somebody_may_set_the_rate_of_all_its_streams(bench: Bench) -> None:
+    heard, wire = [], Wire(1, 191)
+
+    def said(kind: str) -> list[int]:
+        bench.now_s += TICK_S
+        heard.extend(wire.decode(bench.autopilot.step(bench.now_s, odometry(bench.now_s))))
+        return [m.time_boot_ms for m in heard if m.get_type() == kind]
+
+    wait_until(lambda: len(said("RC_CHANNELS")) > 3)
+    bench.autopilot.request_streams(5.0)
+    wait_until(lambda: len(said("RC_CHANNELS")) > 10)
+    *_, before_ms, last_ms = said("RC_CHANNELS")
+    assert last_ms - before_ms == pytest.approx(200, abs=51)

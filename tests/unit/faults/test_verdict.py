@@ -90,6 +90,17 @@ CHOSEN = ((0.0, (1, 1)), (5.4, (0, 0)), (7.4, (1, 1)))
 """What is asked for where the boat stops as in `STOPS` because it decided so."""
 
 
+def test_steady_counts_the_stops_after_it_turns_again_that_the_boat_did_not_decide() -> None:
+    before = ((0.0, True), (6.0, False), (7.5, True))
+    assert verdict(before, moves_again_s=1.0, steady=True).kept
+    pulsing = (*before, (9.0, False), (9.5, True), (10.0, False), (10.5, True))
+    found = verdict(pulsing, moves_again_s=1.0, steady=True)
+    assert "2 stops" in measured(found)
+    assert not found.kept
+    safe = ((9.0, STATE.at(0, "active -> safe")),)
+    assert not verdict(pulsing, told=safe, asks=CHOSEN, moves_again_s=1.0, steady=True).kept
+
+
 def test_a_vessel_that_sails_on_may_decide_to_rest_for_a_moment_but_not_be_safe() -> None:
     moment = ((0.0, True), (5.4, False), (6.0, True))
     assert verdict(moment, told=(), asks=CHOSEN, sails_on=True).kept
