@@ -29,8 +29,7 @@ from twinscrew.runtime.messages.types import (
 )
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.perception.stage import Perception
-from twinscrew.runtime.policy.base import Policy
-from twinscrew.runtime.policy.load import load_policy
+from twinscrew.runtime.policy.load import Policy, load_policy
 from twinscrew.runtime.policy.observation import observe
 from twinscrew.runtime.tracking.tracker import Tracker
 from twinscrew.runtime.tracking.view import View

@@ -1,14 +1,43 @@
-"""Find a policy by what the user typed."""
+"""What every policy is: a function of the observation that answers with thrust rates."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
 from twinscrew.runtime.errors import ConfigError, PolicyError
-from twinscrew.runtime.policy.base import Policy
+from twinscrew.runtime.messages.types import Float64, Observation
 from twinscrew.runtime.policy.metadata import PolicyExpectation
 from twinscrew.runtime.policy.risk import RiskSettings
 from twinscrew.runtime.settings import load, shipped
+
+
+@runtime_checkable
+class Policy(Protocol):
+    """A policy: ONNX, APF or MPC."""
+
+    @property
+    def name(self) -> str:
+        """What the policy calls itself, as "ac_iqn"."""
+
+    @property
+    def period_s(self) -> float:
+        """[s] Time between two decisions that the policy was made for."""
+
+    def act(self, observation: Observation) -> Float64:
+        """Give the thrust rates, (2,) [N/s] left and right, for what is seen.
+
+        Raises
+        ------
+        PolicyError
+            The policy gave anything but two finite numbers.
+        """
+
+    def reset(self) -> None:
+        """Forget everything remembered of a run."""
+
+
+# -- Find a policy by what the user typed.
 
 
 def load_policy(
@@ -36,11 +65,11 @@ def load_policy(
         raise PolicyError(f"{spec} takes no risk level; allowed: 'shipped', got {risk.level!r}")
     # What is not used is not imported: a baseline needs no ONNX Runtime.
     if spec == "apf":
-        from twinscrew.runtime.policy.apf import ApfPolicy, ApfSettings
+        from twinscrew.runtime.policy.planners import ApfPolicy, ApfSettings
 
         return ApfPolicy(load(shipped("experiments", "apf"), ApfSettings))
     if spec == "mpc":
-        from twinscrew.runtime.policy.mpc import MpcPolicy, MpcSettings
+        from twinscrew.runtime.policy.planners import MpcPolicy, MpcSettings
 
         return MpcPolicy(load(shipped("experiments", "mpc"), MpcSettings))
     try:

@@ -1,15 +1,9 @@
-"""Runtime assurance: a command that leads to contact gives way to a manoeuvre that does not.
-
-It knows nothing of the policy, and trusts nothing but the tracks and a simple model of the vessel.
-Sailing on as commanded is refused only when both hold: it leads to contact within the horizon, and
-a moment later no manoeuvre would avoid that contact any more. So the policy has all the time there
-is to find its own way, and the manoeuvre still begins in time. Derivation and figures:
-docs/assurance.md.
-"""
+"""The ways out: what a vessel can do instead of what it was told, as laws of its two thrusts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,23 +16,78 @@ from twinscrew.runtime.messages.types import (
     Tracks,
 )
 from twinscrew.runtime.policy.observation import levelled_twist
-from twinscrew.runtime.safety.assurance_contact import (
+from twinscrew.runtime.safety.events import ASSURANCE_INTERVENED, ASSURANCE_RELEASED
+from twinscrew.runtime.safety.guard import ThrustLimits
+from twinscrew.runtime.safety.prediction import (
+    AssuranceVessel,
     Circles,
     Contact,
-    surroundings,
-)
-from twinscrew.runtime.safety.assurance_disturbance import DisturbanceObserver
-from twinscrew.runtime.safety.assurance_foresight import Foresight
-from twinscrew.runtime.safety.assurance_manoeuvres import Manoeuvre, held, later, ways_out
-from twinscrew.runtime.safety.assurance_vessel import (
-    AssuranceVessel,
+    DisturbanceObserver,
+    Foresight,
     Motion,
     Thrust,
     slewed,
+    surroundings,
 )
-from twinscrew.runtime.safety.events import ASSURANCE_INTERVENED, ASSURANCE_RELEASED
-from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
+
+
+@dataclass(frozen=True, slots=True)
+class Manoeuvre:
+    """A way out."""
+
+    name: str
+    law: Law
+
+
+def ways_out(
+    limits: ThrustLimits, *, brake_nspm: float, turn_n: float, to_starboard: bool
+) -> tuple[Manoeuvre, ...]:
+    """Give the manoeuvres in the order in which they are tried.
+
+    Parameters
+    ----------
+    limits
+        What a propeller can do.
+    brake_nspm : float
+        Thrust against each metre a second of surge [N s/m].
+    turn_n : float
+        By how much braking and turning differs between the propellers and the mean [N].
+    to_starboard : bool
+        Whether contact threatens on the starboard side.
+    """
+    ahead, astern = limits.max_n, limits.min_n
+    away = (astern, ahead) if to_starboard else (ahead, astern)
+    return (
+        Manoeuvre("brake", braking(brake_nspm, 0.0, limits)),
+        Manoeuvre("turn away", held(away)),
+        Manoeuvre("brake and turn to starboard", braking(brake_nspm, turn_n, limits)),
+        Manoeuvre("full astern", held((astern, astern))),
+        Manoeuvre("full ahead", held((ahead, ahead))),
+    )
+
+
+def held(thrust: Thrust) -> Law:
+    """Want the same all the time."""
+    return Law(thrust)
+
+
+def later(wait_s: float, command: Thrust, law: Law) -> Law:
+    """Follow a command for a while [s], then the law."""
+    return law.after(command, wait_s)
+
+
+def braking(gain_nspm: float, turn_n: float, limits: ThrustLimits) -> Law:
+    """Thrust against the speed until it is gone, and meanwhile turn to starboard by `turn_n`."""
+    return Law((turn_n, -turn_n), gain_nspm, limits.min_n, limits.max_n)
+
+
+# -- Runtime assurance: a command that leads to contact gives way to a manoeuvre that does not.
+#  It knows nothing of the policy, and trusts nothing but the tracks and a simple model of the
+# vessel. Sailing on as commanded is refused only when both hold: it leads to contact within the
+# horizon, and a moment later no manoeuvre would avoid that contact any more. So the policy has all
+# the time there is to find its own way, and the manoeuvre still begins in time. Derivation and
+# figures: docs/assurance.md.
 
 Judge = Callable[[Thrust, Law], Contact]
 """What a law of the propellers leads to, from this thrust on."""

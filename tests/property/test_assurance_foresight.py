@@ -9,11 +9,9 @@ from hypothesis import strategies as st
 from tests.reference.assurance import predict, worst_contact
 
 from twinscrew.runtime._native import Law
-from twinscrew.runtime.safety.assurance_contact import Circles
-from twinscrew.runtime.safety.assurance_foresight import Foresight
-from twinscrew.runtime.safety.assurance_manoeuvres import braking, held, later, ways_out
-from twinscrew.runtime.safety.assurance_vessel import STILL, AssuranceVessel, Motion
+from twinscrew.runtime.safety.assurance import braking, held, later, ways_out
 from twinscrew.runtime.safety.guard import ThrustLimits
+from twinscrew.runtime.safety.prediction import STILL, AssuranceVessel, Circles, Foresight, Motion
 
 STEPS, DT, SLEW, MARGIN, APPROACH = 40, 0.1, 1000.0, 0.8, 0.7
 LIMITS = ThrustLimits()

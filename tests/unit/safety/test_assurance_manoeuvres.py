@@ -1,6 +1,6 @@
 import pytest
 
-from twinscrew.runtime.safety.assurance_manoeuvres import braking, held, later, ways_out
+from twinscrew.runtime.safety.assurance import braking, held, later, ways_out
 from twinscrew.runtime.safety.guard import ThrustLimits
 
 LIMITS = ThrustLimits()

@@ -13,10 +13,10 @@ from twinscrew.hil_sim.vessel.state import VesselState
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.policy.vessel_model import VesselModel, VesselParameters
-from twinscrew.runtime.safety.assurance_foresight import Foresight
-from twinscrew.runtime.safety.assurance_manoeuvres import held
-from twinscrew.runtime.safety.assurance_vessel import (
+from twinscrew.runtime.safety.assurance import held
+from twinscrew.runtime.safety.prediction import (
     AssuranceVessel,
+    Foresight,
     Motion,
     Thrust,
     slewed,
