@@ -179,7 +179,7 @@ def _decide(world: World, vessel: int, policy: Policy, thrust: Float64) -> Float
         id=np.arange(count),
         p_N=truth.p_N,
         v_N=truth.v_N,
-        radius=np.where(truth.is_vessel > 0, world.parameters.collision_radius_m, 0.75),
+        radius=np.where(truth.is_vessel > 0, world.vessels[0].contact_radius_m, 0.75),
         covariance=np.zeros((count, 4, 4)),
         age_s=np.zeros(count),
     )

@@ -1,4 +1,9 @@
-"""What both classical baselines share: simulate the paper's 25 actions, take the best."""
+"""The paper's two classical baselines (sec. VI): artificial potential field, predictive control.
+
+Both simulate the same 25 actions from the present state and take the cheapest. Their numbers are
+those of the default vessel; another hull is planned for in its own units (`hull_units`), so that
+one set of numbers serves all.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +16,12 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from twinscrew.runtime.messages.types import Float64, Observation
-from twinscrew.runtime.policy.colregs import ColregsSettings, Situation, situation, starboard_turn
+from twinscrew.runtime.policy.colregs import (
+    ColregsSettings,
+    Situation,
+    situation,
+    starboard_turn,
+)
 from twinscrew.runtime.policy.observation import require_finite
 from twinscrew.runtime.policy.vessel_model import (
     Rollout,
@@ -22,12 +32,13 @@ from twinscrew.runtime.policy.vessel_model import (
     rollout,
 )
 from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings
+from twinscrew.runtime.vessel_description import load_vessel
 
 
 class PlannerSettings(Settings, frozen=True, kw_only=True):
     """What a planner knows of its vessel and of what it is shown."""
 
-    own_radius_m: NonNegative = 2.795
+    own_radius_m: NonNegative = load_vessel().radius_m
     """[m] Radius of the own hull."""
     radius_factor: Positive = 1.25
     """[-] Objects count as larger by this: what is seen of them has 0.8 of their radius, in the
@@ -87,11 +98,6 @@ def seen_objects(observation: Observation, settings: PlannerSettings) -> Float64
     return objects
 
 
-# -- Artificial potential field: the paper's first classical baseline (sec. VI).
-#  The goal attracts, objects repel, and virtual obstacles stand where COLREGs forbid to go. Of the
-# 25 actions the one is taken whose velocity, one decision later, fits the force best.
-
-
 class ApfSettings(PlannerSettings, frozen=True, kw_only=True):
     """The potential field (paper, sec. VI)."""
 
@@ -107,7 +113,7 @@ class ApfSettings(PlannerSettings, frozen=True, kw_only=True):
     """[m] Distances are between the hulls' surfaces, less this. The paper's formula has the
     distance between positions: with it, 500 and 50 let nearly all vessels touch."""
     virtual_obstacles: Annotated[int, Meta(ge=0)] = 4
-    """[-] How many stand where COLREGs forbid to go."""
+    """[-] How many there are where COLREGs forbid to go."""
     virtual_spacing_m: Positive = 5.0
     """[m] Distance between them."""
     speed_weight: NonNegative = 0.15
@@ -119,7 +125,11 @@ class ApfSettings(PlannerSettings, frozen=True, kw_only=True):
 
 
 class ApfPolicy(Planner):
-    """The potential field as a policy."""
+    """The potential field: the goal attracts, objects repel.
+
+    Virtual obstacles stand where COLREGs forbid to go. The action is taken whose velocity, one
+    decision later, fits the force best.
+    """
 
     name = "apf"
 
@@ -184,8 +194,6 @@ def repulsive_forces(p: Float64, radius: Float64, goal: Float64, settings: ApfSe
         What is taken off their distance [m].
     goal : (2,) float64
         The goal [m], frame B.
-    settings
-        The field.
     """
     centre = np.hypot(p[:, 0], p[:, 1])
     d = np.maximum(centre - radius, settings.nearest_m)
@@ -227,13 +235,6 @@ def virtual_obstacles(observation: Observation, settings: ApfSettings) -> Float6
         standing[:, 4] = other[4]
         rows.append(standing)
     return np.concatenate(rows)
-
-
-# -- Model predictive control: the paper's second classical baseline (sec. VI), after Hagen et al.
-#
-# Each of the 25 actions is simulated over a horizon of control steps, the other vessels going
-# straight on; the cheapest is taken. Source of the cost's terms: Hagen, Kufoalor, Brekke, Johansen
-# (2018), MPC-based collision avoidance strategy for existing marine vessel guidance systems, ICRA.
 
 
 class MpcSettings(PlannerSettings, frozen=True, kw_only=True):
@@ -281,7 +282,11 @@ class MpcSettings(PlannerSettings, frozen=True, kw_only=True):
 
 
 class MpcPolicy(Planner):
-    """The predictive controller as a policy."""
+    """Predictive control: each action over a horizon, the other vessels going straight on.
+
+    Source of the cost's terms: Hagen, Kufoalor, Brekke, Johansen (2018), MPC-based collision
+    avoidance strategy for existing marine vessel guidance systems, ICRA.
+    """
 
     name = "mpc"
 

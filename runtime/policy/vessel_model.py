@@ -6,7 +6,7 @@ gravity at the origin and a diagonal M = M_RB + M_A = diag(m - Xudot, m - Yvdot,
 
     C(nu) nu = (-m22 v r,  m11 u r,  (m22 - m11) u v)      Fossen (2021), eqs. 3.63 and 6.54
     D(nu) nu = -(X_u + X_uu |u|, Y_v + Y_vv |v|, N_r + N_rr |r|) (.) nu
-    tau      = (T_left + T_right, 0, (T_left - T_right) width / 2)
+    tau      = (T_left + T_right, 0, (T_left - T_right) spacing / 2)
 """
 
 from __future__ import annotations
@@ -20,44 +20,52 @@ from msgspec import Meta
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64
-from twinscrew.runtime.settings import Positive, Settings
+from twinscrew.runtime.settings import Positive
+from twinscrew.runtime.vessel_description import PlaneModel, load_vessel
 
 Damping = Annotated[float, Meta(le=0.0)]
+_DEFAULT = load_vessel().plane
 
 
-class VesselParameters(Settings, frozen=True):
-    """The WAM-V 16 as in training (config/vessels/wam_v_3dof.toml); Fossen's signs."""
+class VesselParameters(PlaneModel, frozen=True):
+    """One vessel's numbers, with Fossen's signs; the defaults are the default vessel's.
 
-    mass_kg: Positive = 400.0
+    `length`, `width` are overall; the thrusters stand half of `thruster_spacing_m` (where there is
+    none: of the width) from the centre line.
+    """
+
+    mass_kg: Positive = _DEFAULT.mass_kg
     """[kg] Loaded."""
-    izz: Positive = 450.0
+    izz: Positive = _DEFAULT.izz
     """[kg m2] Moment of inertia in yaw."""
-    x_udot: float = 20.0
-    """[kg] Added mass in surge; the reference's value, though a positive one is unphysical."""
-    y_vdot: float = 0.0
+    x_udot: float = _DEFAULT.x_udot
+    """[kg] Added mass in surge, negative (the paper's is positive, which is unphysical)."""
+    y_vdot: float = _DEFAULT.y_vdot
     """[kg] Added mass in sway."""
-    n_rdot: float = -980.0
+    n_rdot: float = _DEFAULT.n_rdot
     """[kg m2] Added inertia in yaw."""
-    x_u: Damping = -100.0
+    x_u: Damping = _DEFAULT.x_u
     """[kg/s] Linear damping in surge."""
-    y_v: Damping = -100.0
+    y_v: Damping = _DEFAULT.y_v
     """[kg/s] Linear damping in sway."""
-    n_r: Damping = -980.0
+    n_r: Damping = _DEFAULT.n_r
     """[kg m2/s] Linear damping in yaw."""
-    x_uu: Damping = -150.0
+    x_uu: Damping = _DEFAULT.x_uu
     """[kg/m] Quadratic damping in surge."""
-    y_vv: Damping = -150.0
+    y_vv: Damping = _DEFAULT.y_vv
     """[kg/m] Quadratic damping in sway."""
-    n_rr: Damping = -950.0
+    n_rr: Damping = _DEFAULT.n_rr
     """[kg m2] Quadratic damping in yaw."""
-    length: Positive = 5.0
+    length: Positive = _DEFAULT.length
     """[m] Overall."""
-    width: Positive = 2.5
-    """[m] Overall; the thrusters stand at y = -width / 2 and +width / 2."""
-    thrust_min_n: float = -500.0
-    """[N] Of each thruster (paper, sec. III)."""
-    thrust_max_n: float = 1000.0
+    width: Positive = _DEFAULT.width
+    """[m] Overall."""
+    thrust_min_n: float = _DEFAULT.thrust_min_n
     """[N] Of each thruster."""
+    thrust_max_n: float = _DEFAULT.thrust_max_n
+    """[N] Of each thruster."""
+    thruster_spacing_m: Positive | None = _DEFAULT.thruster_spacing_m
+    """[m] Between the thrusters; None: the width."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot float: an inertia that is not positive, an empty range of thrust."""
@@ -93,11 +101,11 @@ class VesselParameters(Settings, frozen=True):
     @property
     def lever(self) -> float:
         """[m] From the centre line to a thruster."""
-        return self.width / 2
+        return (self.thruster_spacing_m or self.width) / 2
 
     @property
     def radius(self) -> float:
-        """[m] Of the circle that holds the vessel: 2.795 m for a WAM-V 16."""
+        """[m] Of the circle that holds the vessel."""
         return math.hypot(self.length, self.width) / 2
 
     @property

@@ -1,4 +1,4 @@
-"""The last check before the propellers: finite and in range, or zero."""
+"""The last check before the propellers, and the watch over inputs that no longer come."""
 
 from __future__ import annotations
 
@@ -11,18 +11,19 @@ import numpy as np
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, HealthEvent
 from twinscrew.runtime.safety.events import GUARD_TRIPPED, INPUT_RECOVERED, EventKind
 from twinscrew.runtime.settings import Settings
+from twinscrew.runtime.vessel_description import load_vessel
 
 NEUTRAL: Float64 = np.zeros(2)
 NEUTRAL.setflags(write=False)
 
 
 class ThrustLimits(Settings, frozen=True):
-    """What one propeller can do."""
+    """What one propeller can do; by default, what the vessel's description says."""
 
-    min_n: float = -500.0
-    """[N] Full astern (paper, sec. III)."""
-    max_n: float = 1000.0
-    """[N] Full ahead (paper, sec. III)."""
+    min_n: float = load_vessel().thrusters.min_n
+    """[N] Full astern."""
+    max_n: float = load_vessel().thrusters.max_n
+    """[N] Full ahead."""
 
     def clip(self, thrust: Float64) -> Float64:
         """Bring thrusts [N] into the range."""
@@ -39,14 +40,7 @@ class Guard:
         self.limits = limits or ThrustLimits()
 
     def check(self, thrust: Float64, stamp_ns: int) -> tuple[Float64, HealthEvent | None]:
-        """Check a command.
-
-        Parameters
-        ----------
-        thrust : (2,) float64
-            Left and right thrust [N].
-        stamp_ns : int
-            The time for the event.
+        """Check a command, (2,) [N] left and right.
 
         Returns
         -------

@@ -1,4 +1,9 @@
-"""The own vessel, as the assurance's prediction takes it to be: three degrees of freedom."""
+"""What a manoeuvre of the own vessel leads to: its path, what it meets, what wind and current add.
+
+The assurance asks this. The vessel moves in three degrees of freedom (Fossen (2021), chapters 3 and
+6), objects go straight on; runtime/native/assurance.hpp does the work. Derivation:
+docs/assurance.md.
+"""
 
 from __future__ import annotations
 
@@ -15,23 +20,43 @@ from twinscrew.runtime._native import Law
 from twinscrew.runtime.geometry.frames import rotation_2d
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Odometry, Tracks
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
+from twinscrew.runtime.vessel_description import Circle, VesselDescription, load_vessel
 
-Circle = tuple[float, Positive]
+Three = tuple[NonNegative, NonNegative, NonNegative]
+
+
+def surge_sway_yaw(six: tuple[float, ...]) -> tuple[float, float, float]:
+    """Take three of six numbers: surge, sway, yaw."""
+    return six[0], six[1], six[5]
+
+
+_DEFAULT = load_vessel()
 
 
 class AssuranceVessel(Settings, frozen=True):
-    """What is assumed of the own vessel: by default the WAM-V of config/vessels/wam_v.toml."""
+    """What is assumed of the own vessel; by default, what its description says."""
 
-    inertia: tuple[Positive, Positive, Positive] = (280.0, 280.0, 708.0)
-    """[kg, kg, kg m2] In surge, sway and yaw, added mass included (docs/simulator.md)."""
-    linear_drag: tuple[NonNegative, NonNegative, NonNegative] = (100.0, 100.0, 800.0)
-    """[kg/s, kg/s, kg m2/s] In surge, sway and yaw, positive (parameters: VRX 2.3.2)."""
-    quadratic_drag: tuple[NonNegative, NonNegative, NonNegative] = (150.0, 100.0, 800.0)
+    inertia: tuple[Positive, Positive, Positive] = _DEFAULT.plane_inertia
+    """[kg, kg, kg m2] In surge, sway and yaw, added mass included."""
+    linear_drag: Three = surge_sway_yaw(_DEFAULT.linear_drag)
+    """[kg/s, kg/s, kg m2/s] In surge, sway and yaw, positive."""
+    quadratic_drag: Three = surge_sway_yaw(_DEFAULT.quadratic_drag)
     """[kg/m, kg/m, kg m2] The same, of the square."""
-    lever_m: Positive = 1.027
+    lever_m: Positive = _DEFAULT.lever_m
     """[m] From the centre line to a propeller."""
-    hull: Annotated[tuple[Circle, ...], Meta(min_length=1)] = ((0.0, 2.8),)
-    """[m] Circles that cover the hull: how far ahead of the origin, radius (paper: one, 2.8 m)."""
+    hull: Annotated[tuple[Circle, ...], Meta(min_length=1)] = _DEFAULT.circles_m
+    """[m] Circles that cover the hull: how far ahead of the origin, radius."""
+
+    @classmethod
+    def of(cls, vessel: VesselDescription) -> AssuranceVessel:
+        """Take the numbers of a vessel's description."""
+        return cls(
+            inertia=vessel.plane_inertia,
+            linear_drag=surge_sway_yaw(vessel.linear_drag),
+            quadratic_drag=surge_sway_yaw(vessel.quadratic_drag),
+            lever_m=vessel.lever_m,
+            hull=vessel.circles_m,
+        )
 
     @property
     def extent_m(self) -> float:
@@ -48,19 +73,15 @@ class AssuranceVessel(Settings, frozen=True):
 
 
 class Motion(NamedTuple):
-    """How the vessel moves now, over ground, in its levelled frame."""
+    """How the vessel moves now, over ground, in its levelled frame [m/s, m/s, rad/s]."""
 
     surge: float
-    """[m/s]"""
     sway: float
-    """[m/s]"""
     yaw_rate: float
-    """[rad/s]"""
 
 
 Thrust = tuple[float, float]
 """[N] Of the left and the right propeller."""
-
 Push = tuple[float, float]
 """[N] x and y of a force that is not of the propellers, as of wind or current."""
 STILL: Push = (0.0, 0.0)
@@ -72,9 +93,6 @@ def slewed(thrust: Thrust, wanted: Thrust, step_n: float) -> Thrust:
         thrust[0] + min(max(wanted[0] - thrust[0], -step_n), step_n),
         thrust[1] + min(max(wanted[1] - thrust[1], -step_n), step_n),
     )
-
-
-# -- What could be met, and what a contact is.
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +107,7 @@ class Circles:
     radius: Float64
     """[m] (K,)"""
     horizon_s: Float64
-    """[s] (K,) Until when it can be foretold."""
+    """[s] (K,) How far ahead its motion is trusted."""
 
 
 class Contact(NamedTuple):
@@ -128,11 +146,9 @@ def surroundings(
     reach_m : float
         How far the edge of the vessel, with its margin, can get within the horizon [m].
     horizon_s : (float, float)
-        Until when what stands still, and what moves, can be foretold [s].
-    least_radius_m : float
-        No object is taken to be smaller [m].
-    clearance_m : float
-        Every object is taken to be this much larger [m].
+        How far ahead the motion of what stands still, and of what moves, is trusted [s].
+    least_radius_m, clearance_m : float
+        No object is taken to be smaller; every object is taken to be this much larger [m].
     static_mps : float
         Slower tracks stand still [m/s].
     """
@@ -153,11 +169,6 @@ def surroundings(
     )
 
 
-# -- Where a manoeuvre takes the vessel, and into contact with what.
-#  The work is done by ``runtime/native/assurance.hpp``; this is its face. The equations of motion
-# are those of `policy.vessel_model` (Fossen (2021), chapters 3 and 6), for one vessel.
-
-
 class Foresight:
     """Predicts and judges. It keeps the kernel's memory: one serves one thread at a time."""
 
@@ -171,18 +182,9 @@ class Foresight:
         margin_m: float,
         approach_per_s: float,
     ) -> None:
-        """Prepare the kernel.
+        """Take the vessel, the number and length [s] of time steps, and how fast a thrust changes.
 
-        Parameters
-        ----------
-        steps : int
-            Number of time steps T of a prediction.
-        dt : float
-            Their length [s].
-        slew_nps : float
-            How fast each thrust may change [N/s].
-        margin_m, approach_per_s : float
-            Nearer than the margin [m], closing in is allowed at this times the gap [1/s].
+        Nearer than the margin [m], closing in is allowed at `approach_per_s` times the gap.
         """
         self._kernel = _native.Foresight(
             vessel=(vessel.inertia, vessel.linear_drag, vessel.quadratic_drag),
@@ -200,14 +202,14 @@ class Foresight:
         return self._kernel.acceleration(motion, thrust)
 
     def path(self, motion: Motion, thrust: Thrust, law: Law, push: Push = STILL) -> Float64:
-        """Sail a manoeuvre: Euler steps of the velocity, trapezoids of the position.
+        """Follow a law of the thrusts: Euler steps of the velocity, trapezoids of the position.
 
         Parameters
         ----------
         motion, thrust
             How the vessel moves, and what its propellers give, now.
         law
-            The manoeuvre.
+            What the propellers are to give.
         push
             What wind and current do, as long as the prediction lasts.
 
@@ -232,7 +234,7 @@ class Foresight:
     def judge(
         self, motion: Motion, thrust: Thrust, law: Law, circles: Circles, push: Push = STILL
     ) -> Contact:
-        """Sail a manoeuvre and judge where it leads: `path` and `contact` in one."""
+        """Give `contact` of `path`, without making the path."""
         c = circles
         found = self._kernel.judge(motion, thrust, law, push, c.p_B, c.v_B, c.radius, c.horizon_s)
         return _contact(found, c)
@@ -245,17 +247,8 @@ def _contact(found: tuple[float, float, float, int, bool], circles: Circles) -> 
     return Contact(harm, time_s, speed_mps, circles.id[circle], to_starboard)
 
 
-# -- What wind and current do to the vessel, learnt from how it moves: a disturbance observer.
-
-
-class _Moment(NamedTuple):
-    stamp_ns: int
-    motion: Motion
-    heading: float
-
-
 class DisturbanceObserver:
-    """Holds the motion against the model's; what is left over, smoothed, is the disturbance.
+    """Estimates the force of wind and current: what the model does not explain of the motion.
 
     Newton's second law in the vessel's frame, with the model's forces at the mean of two motions::
 
@@ -294,10 +287,10 @@ class DisturbanceObserver:
         self._time_constant_s = time_constant_s
         self._limit_n = limit_n
         self._force_N: Push = STILL
-        self._before: _Moment | None = None
+        self._before: tuple[int, Motion, float] | None = None
 
     def pause(self) -> None:
-        """Learn nothing from the time until the next step: who knows what acts in it."""
+        """Learn nothing from the time until the next step: what acts in it is not known."""
         self._before = None
 
     def step(self, stamp_ns: int, motion: Motion, heading: float, thrust: Thrust) -> Push:
@@ -306,7 +299,7 @@ class DisturbanceObserver:
         Parameters
         ----------
         stamp_ns, motion, heading
-            How the vessel moves [levelled frame B] and lies [rad] at a time.
+            How the vessel moves [levelled frame B] and its heading [rad] at a time.
         thrust
             What the propellers gave since the last step.
 
@@ -315,16 +308,17 @@ class DisturbanceObserver:
         push
             The disturbance [N], in the vessel's present levelled frame.
         """
-        before, self._before = self._before, _Moment(stamp_ns, motion, heading)
+        before, self._before = self._before, (stamp_ns, motion, heading)
         if before is not None and self._limit_n > 0.0:
-            dt = (stamp_ns - before.stamp_ns) / NANOSECONDS_PER_SECOND
+            last_ns, last_motion, last_heading = before
+            dt = (stamp_ns - last_ns) / NANOSECONDS_PER_SECOND
             if 0.0 < dt <= self.LONGEST_S:
-                midway = heading - math.remainder(heading - before.heading, math.tau) / 2.0
-                push = self._left_over(before.motion, motion, thrust, dt)
+                midway = heading - math.remainder(heading - last_heading, math.tau) / 2.0
+                push = self._unexplained(last_motion, motion, thrust, dt)
                 self._learn(_turned(push, -midway), dt)
         return _turned(self._force_N, heading)
 
-    def _left_over(self, before: Motion, now: Motion, thrust: Thrust, dt: float) -> Push:
+    def _unexplained(self, before: Motion, now: Motion, thrust: Thrust, dt: float) -> Push:
         (u0, v0, r0), (u1, v1, r1), (m11, m22) = before, now, self._inertia
         mean = Motion((u0 + u1) / 2.0, (v0 + v1) / 2.0, (r0 + r1) / 2.0)
         surge, sway, _ = self._acceleration(mean, thrust)
@@ -336,7 +330,7 @@ class DisturbanceObserver:
         east = self._force_N[1] + share * (force_N[1] - self._force_N[1])
         size = math.hypot(north, east)
         if not math.isfinite(size):
-            return  # what is learnt once stays: no bad message may spoil it
+            return  # no bad message may spoil what was learnt
         shrink = min(1.0, self._limit_n / size) if size > 0.0 else 0.0
         self._force_N = (shrink * north, shrink * east)
 

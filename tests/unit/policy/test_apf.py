@@ -150,7 +150,7 @@ def test_the_give_way_vessel_passes_astern():
 
 
 def test_the_shipped_settings_are_the_defaults():
-    assert load(shipped("experiments", "apf"), ApfSettings) == SETTINGS
+    assert load(shipped("policies", "apf"), ApfSettings) == SETTINGS
 
 
 def test_it_is_a_policy():

@@ -144,7 +144,7 @@ def test_the_give_way_vessel_passes_astern():
 
 
 def test_the_shipped_settings_are_the_defaults():
-    assert load(shipped("experiments", "mpc"), MpcSettings) == SETTINGS
+    assert load(shipped("policies", "mpc"), MpcSettings) == SETTINGS
 
 
 def test_it_is_a_policy():
