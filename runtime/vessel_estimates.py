@@ -104,18 +104,22 @@ def inertia(mass: float, length: float, beam: float) -> tuple[float, float, floa
 def added_mass(strips: Strips, mass: float, density: float) -> Six:
     """Give the diagonal of M_A [kg, kg m2], positive.
 
-    Surge: 2.7 rho V^(5/3) / L^2 for each hull (Soeding (1982); Fossen, sec. 6.5). Sway and heave:
-    strip theory with half circles, rho pi T^2 / 2 and rho pi b^2 / 2 a metre, b half the breadth
-    (Newman (1977), table 4.3). Roll, pitch and yaw: the same strips, times their distance squared.
+    Surge: 2.7 rho V^(5/3) / L^2 for each hull (Soeding (1982); Fossen, sec. 6.5). Heave and yaw:
+    strip theory with half circles, rho pi b^2 / 2 and rho pi T^2 / 2 a metre, b half the breadth
+    (Newman (1977), table 4.3). Roll, pitch and yaw: the strips, times their distance squared.
+
+    Sway: the same as surge. Strip theory would give more, and with it a Munk moment (Y - X) u v
+    that turns the hull off its course. Skegs and propellers balance it on a real boat; a diagonal
+    drag matrix cannot. MSS leaves the moment out for the Otter's sake; here it is zero so.
     """
     length, hulls = strips.length, strips.hulls
     volume = mass / density / hulls
     surge = hulls * 2.7 * density * volume ** (5.0 / 3.0) / length**2
-    sway = hulls * 0.5 * density * math.pi * strips.immersion**2 * length
+    strip_sway = hulls * 0.5 * density * math.pi * strips.immersion**2 * length
     half_breadth = strips.half_width * (2.0 if hulls == 1 else 1.0)
     heave = hulls * 0.5 * density * math.pi * half_breadth**2 * length
     square = length**2 / 12.0
-    return surge, sway, heave, heave * strips.half_spacing**2, heave * square, sway * square
+    return surge, surge, heave, heave * strips.half_spacing**2, heave * square, strip_sway * square
 
 
 def surge_drag(thrust: float, top_speed: float) -> tuple[float, float]:

@@ -13,9 +13,12 @@ from twinscrew.runtime.messages.types import Float64, Observation
 from twinscrew.runtime.policy.hull_units import HullUnits, in_units, units_of
 from twinscrew.runtime.policy.metadata import PolicyExpectation
 from twinscrew.runtime.policy.risk import RiskSettings
+from twinscrew.runtime.policy.vessel_model import VesselParameters
 from twinscrew.runtime.settings import load, shipped
 from twinscrew.runtime.vessel_description import VesselDescription, load_vessel
 
+SLOWEST = 4.0
+"""[-] A planner looks at most so much farther ahead for a hull that turns more slowly."""
 PLANNERS = ("apf", "mpc")
 """Policies that are no files: they look ahead with the vessel's own model."""
 
@@ -125,10 +128,17 @@ def _planner(name: str, vessel: VesselDescription) -> Policy:
 
     units = units_of(vessel, load_vessel())
     model, radius = in_units(vessel.plane, units), vessel.radius_m / units.length
+    # A hull that turns slowly has to look farther ahead to see what a turn leads to.
+    slower = VesselParameters().turn_rate / model.turn_rate
+    slower = min(max(slower, 1.0), SLOWEST)
     path = shipped("policies", name)
-    policy = (
-        ApfPolicy(replace(load(path, ApfSettings), vessel=model, own_radius_m=radius))
-        if name == "apf"
-        else MpcPolicy(replace(load(path, MpcSettings), vessel=model, own_radius_m=radius))
-    )
+    policy: Policy
+    if name == "apf":
+        field = load(path, ApfSettings)
+        arrival_s = slower * field.arrival_s
+        policy = ApfPolicy(replace(field, vessel=model, own_radius_m=radius, arrival_s=arrival_s))
+    else:
+        horizon = load(path, MpcSettings)
+        step_s = slower * horizon.step_s
+        policy = MpcPolicy(replace(horizon, vessel=model, own_radius_m=radius, step_s=step_s))
     return policy if units == (1.0, 1.0, 1.0) else InHullUnits(policy, units)

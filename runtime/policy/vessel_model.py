@@ -115,6 +115,13 @@ class VesselParameters(PlaneModel, frozen=True):
         drag = linear + math.sqrt(linear**2 + 4 * quadratic * force)
         return 2 * force / drag if drag else math.inf
 
+    @property
+    def turn_rate(self) -> float:
+        """[rad/s] On the spot, one propeller full ahead and the other full astern."""
+        moment = (self.thrust_max_n - self.thrust_min_n) * self.lever
+        drag = -self.n_r + math.sqrt(self.n_r**2 - 4 * self.n_rr * moment)
+        return 2 * moment / drag if drag else math.inf
+
 
 class VesselModel:
     """The equations of motion; pure, every argument may have any leading batch dimensions."""
