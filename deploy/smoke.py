@@ -14,6 +14,8 @@ FOREIGN = ("torch", "aiohttp", "twinscrew.training", "twinscrew.export", "twinsc
 """What a boat does not carry."""
 PACKAGED = ("Python", "packages", "native kernels", "sensor", "policy")
 """The doctor's lines that are about the installation; the others are about the machine."""
+BOATS = (("apf", "wam_v"), ("mpc", "wam_v"), ("mpc", "otter"))
+"""Policies that are no files, and hulls that they must be able to drive."""
 RING = 60
 """[-] Points around the buoy of the trial scan, on each of its beams."""
 
@@ -25,10 +27,20 @@ def main() -> None:
         sys.exit(f"the boat's installation carries {', '.join(carried)}")
     with tempfile.TemporaryDirectory() as folder:
         objects = perceive(Path(folder))
-    if len(objects) != 1:
-        sys.exit(f"one buoy was shown, but {len(objects)} objects were found")
-    print("perceive     one buoy shown, one found")
-    findings = doctor()
+        if len(objects) != 1:
+            sys.exit(f"one buoy was shown, but {len(objects)} objects were found")
+        print("perceive     one buoy shown, one found")
+        for policy, vessel in BOATS:
+            boat = Path(folder) / "boat.toml"
+            boat.write_text(f'policy = "{policy}"\nvessel = "{vessel}"\n')
+            examine("--config", str(boat))
+            print(f"policy       {policy} drives {vessel}")
+    examine()
+
+
+def examine(*arguments: str) -> None:
+    """Have the doctor look at this installation: what is packaged must be right."""
+    findings = doctor(*arguments)
     failed = [finding for finding in findings if finding["verdict"] == "FAIL"]
     print(f"doctor       {len(findings)} lines, {len(failed)} FAIL")
     ours = [finding for finding in failed if finding["what"] in PACKAGED]
@@ -67,9 +79,9 @@ def pcd(places: list[tuple[float, float, float]]) -> str:
     return head + "".join(f"{x:.4f} {y:.4f} {z:.4f}\n" for x, y, z in places)
 
 
-def doctor() -> list[dict[str, str]]:
+def doctor(*arguments: str) -> list[dict[str, str]]:
     """Give the doctor's findings: it may find fault with this machine, but it has to answer."""
-    answer = twinscrew("doctor", "--json")
+    answer = twinscrew("doctor", *arguments, "--json")
     findings: list[dict[str, str]] = json.loads(answer.stdout)["checks"]
     return findings
 
