@@ -18,7 +18,7 @@ from twinscrew.runtime.settings import load, shipped
 from twinscrew.runtime.vessel_description import VesselDescription, load_vessel
 
 SLOWEST = 4.0
-"""[-] A planner looks at most so much farther ahead for a hull that turns more slowly."""
+"""[-] A planner looks at most so much farther ahead for a hull that answers more slowly."""
 PLANNERS = ("apf", "mpc")
 """Policies that are no files: they look ahead with the vessel's own model."""
 
@@ -128,15 +128,16 @@ def _planner(name: str, vessel: VesselDescription) -> Policy:
 
     units = units_of(vessel, load_vessel())
     model, radius = in_units(vessel.plane, units), vessel.radius_m / units.length
-    # A hull that turns slowly has to look farther ahead to see what a turn leads to.
-    slower = VesselParameters().turn_rate / model.turn_rate
-    slower = min(max(slower, 1.0), SLOWEST)
+    # A hull that turns or gathers way slowly has to look farther ahead to see what that leads to.
+    usual = VesselParameters()
+    answers = max(usual.turn_rate / model.turn_rate, model.inertia[0] / usual.inertia[0])
+    slower = min(max(answers, 1.0), SLOWEST)
     path = shipped("policies", name)
     policy: Policy
     if name == "apf":
         field = load(path, ApfSettings)
-        arrival_s = slower * field.arrival_s
-        policy = ApfPolicy(replace(field, vessel=model, own_radius_m=radius, arrival_s=arrival_s))
+        look_s = slower * field.look_s
+        policy = ApfPolicy(replace(field, vessel=model, own_radius_m=radius, look_s=look_s))
     else:
         horizon = load(path, MpcSettings)
         step_s = slower * horizon.step_s

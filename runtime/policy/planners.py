@@ -118,6 +118,8 @@ class ApfSettings(PlannerSettings, frozen=True, kw_only=True):
     """[m] Distance between them."""
     speed_weight: NonNegative = 0.15
     """[rad s/m] What a wrong speed along the force costs, against a wrong heading."""
+    look_s: Positive = 0.5
+    """[s] The velocity is compared so long after the decision: one decision period."""
     arrival_s: Positive = 4.0
     """[s] The force asks for a speed of |F| / k_att a so long: near the goal, what is left of the
     way in this time. The authors' code wants all speed along F always; so a vessel circles its
@@ -127,8 +129,8 @@ class ApfSettings(PlannerSettings, frozen=True, kw_only=True):
 class ApfPolicy(Planner):
     """The potential field: the goal attracts, objects repel.
 
-    Virtual obstacles stand where COLREGs forbid to go. The action is taken whose velocity, one
-    decision later, fits the force best.
+    Virtual obstacles stand where COLREGs forbid to go. The action is taken whose velocity, a
+    moment later, fits the force best.
     """
 
     name = "apf"
@@ -138,14 +140,14 @@ class ApfPolicy(Planner):
         super().__init__(self.settings)
 
     def costs(self, observation: Observation) -> Float64:
-        """Give the difference between the velocity one decision later and the force, (25,).
+        """Give the difference between the velocity `look_s` later and the force, (25,).
 
-        In direction, by the heading: a hull goes where its bow points, and one decision is too
-        short to tell by the velocity where a turn leads. In size, along the force.
+        In direction, by the heading: a hull goes where its bow points, and the time is too short
+        to tell by the velocity where a turn leads. In size, along the force.
         """
         settings = self.settings
         force = total_force(observation, settings)
-        after = self._simulate(observation, steps=1, step_s=settings.period_s)
+        after = self._simulate(observation, steps=1, step_s=settings.look_s)
         angle, speed = alignment(after.pose[0, :, 2], after.velocity[0], force)
         wanted = math.hypot(*force) / (settings.attraction * settings.arrival_s)
         wrong = np.abs(speed - min(wanted, settings.vessel.top_speed))
