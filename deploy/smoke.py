@@ -7,6 +7,7 @@ import json
 import math
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 FOREIGN = ("torch", "aiohttp", "twinscrew.training", "twinscrew.export", "twinscrew.hil_sim")
@@ -15,6 +16,8 @@ COMMANDS = ("run", "replay", "doctor", "manifest")
 """The commands of a boat."""
 PACKAGED = ("Python", "packages", "native kernels", "sensor", "policy")
 """The doctor's lines that are about the installation; the others are about the machine."""
+BOATS = (("apf", "wam_v"), ("mpc", "wam_v"), ("mpc", "otter"))
+"""Policies that are no files, and hulls that they must be able to drive."""
 RING = 60
 """[-] Points around the buoy of the trial scan, on each of its beams."""
 
@@ -33,7 +36,18 @@ def main() -> None:
     if found != 1:
         sys.exit(f"one buoy was shown, but {found} objects were found")
     print("perception   one buoy shown, one found")
-    findings = doctor()
+    with tempfile.TemporaryDirectory() as folder:
+        for policy, vessel in BOATS:
+            boat = Path(folder) / "boat.toml"
+            boat.write_text(f'policy = "{policy}"\nvessel = "{vessel}"\n')
+            examine("--config", str(boat))
+            print(f"policy       {policy} drives {vessel}")
+    examine()
+
+
+def examine(*arguments: str) -> None:
+    """Have the doctor look at this installation: what is packaged must be right."""
+    findings = doctor(*arguments)
     failed = [finding for finding in findings if finding["verdict"] == "FAIL"]
     print(f"doctor       {len(findings)} lines, {len(failed)} FAIL")
     ours = [finding for finding in failed if finding["what"] in PACKAGED]
@@ -69,9 +83,9 @@ def buoy(ahead_m: float, radius_m: float) -> list[tuple[float, float, float]]:
     return places
 
 
-def doctor() -> list[dict[str, str]]:
+def doctor(*arguments: str) -> list[dict[str, str]]:
     """Give the doctor's findings: it may find fault with this machine, but it has to answer."""
-    answer = twinscrew("doctor", "--json")
+    answer = twinscrew("doctor", *arguments, "--json")
     findings: list[dict[str, str]] = json.loads(answer.stdout)["checks"]
     return findings
 

@@ -16,10 +16,12 @@ import numpy as np
 
 from twinscrew.hil_sim import random_scenario
 from twinscrew.hil_sim.random_scenario import Coordinate, RandomSettings
+from twinscrew.runtime.app.hull_settings import goal_radius
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import NonNegative, Positive, Settings, load, shipped
+from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
 
 Point = tuple[Coordinate, Coordinate]
 
@@ -31,6 +33,8 @@ class Scenario:
     name: str
     names: tuple[str, ...]
     """(V,) The vessels' names: wamv1, wamv2, ..."""
+    types: tuple[str, ...]
+    """(V,) What each is: names in config/vessels, or files."""
     starts: Float64
     """[m, rad] [N] (V, 3) North, east, heading."""
     goals: Float64
@@ -59,6 +63,8 @@ class Scenario:
 class VesselEntry(Settings, frozen=True, kw_only=True):
     """A vessel of a scenario that is written out."""
 
+    type: str = DEFAULT
+    """A name in config/vessels, or a file."""
     start_m: Point
     """[m] [N] North, east."""
     heading_deg: float
@@ -95,7 +101,8 @@ class ScenarioFile(Settings, frozen=True, kw_only=True):
     map_size_m: tuple[Positive, Positive] = (55.0, 55.0)
     sea: str = "paper"
     time_limit_s: Positive = 90.0
-    goal_radius_m: Positive = 2.0
+    goal_radius_m: Positive | None = None
+    """[m] None: 0.4 of the longest vessel's length, at least 0.5 m."""
     random: RandomSettings | None = None
     vessel: tuple[VesselEntry, ...] = ()
     buoy: tuple[BuoyEntry, ...] = ()
@@ -103,7 +110,11 @@ class ScenarioFile(Settings, frozen=True, kw_only=True):
 
 
 def load_scenario(
-    name: str | Path, vessels: int | None = None, buoys: int | None = None, seed: int = 0
+    name: str | Path,
+    vessels: int | None = None,
+    buoys: int | None = None,
+    seed: int = 0,
+    types: Sequence[str] = (),
 ) -> Scenario:
     """Read a scenario: the name of a shipped one, or the path of a file.
 
@@ -116,6 +127,8 @@ def load_scenario(
         has.
     seed : int
         What a random scenario is drawn from.
+    types : sequence of str
+        What sails, in turn, whatever the file says: names in config/vessels, or files.
 
     Raises
     ------
@@ -125,7 +138,7 @@ def load_scenario(
     path = shipped("scenarios", name)
     file = load(path, ScenarioFile)
     try:
-        scenario = _make(path.stem, file, vessels, buoys, seed)
+        scenario = _make(path.stem, file, vessels, buoys, seed, types)
         _require_water(scenario)
     except ConfigError as error:
         raise ConfigError(str(error), file=path) from error
@@ -133,7 +146,12 @@ def load_scenario(
 
 
 def _make(
-    name: str, file: ScenarioFile, vessels: int | None, buoys: int | None, seed: int
+    name: str,
+    file: ScenarioFile,
+    vessels: int | None,
+    buoys: int | None,
+    seed: int,
+    types: Sequence[str],
 ) -> Scenario:
     if (file.random is None) == (not file.vessel):
         raise ConfigError("give either [random], or at least one [[vessel]]")
@@ -141,8 +159,8 @@ def _make(
     if file.random is None:
         _require_count("vessels", vessels, len(file.vessel))
         _require_count("buoys", buoys, len(file.buoy))
-        return _written(name, file)
-    return _random(name, file, file.random, vessels, buoys, seed)
+        return _written(name, file, types or [vessel.type for vessel in file.vessel])
+    return _random(name, file, file.random, vessels, buoys, seed, types or [DEFAULT])
 
 
 def _require_sea(sea: str) -> None:
@@ -177,6 +195,7 @@ def _random(
     vessels: int | None,
     buoys: int | None,
     seed: int,
+    types: Sequence[str],
 ) -> Scenario:
     if file.buoy:
         raise ConfigError("a random scenario draws its buoys: remove [[buoy]]", key="buoy")
@@ -189,13 +208,15 @@ def _random(
         settings, vessels, buoys, np.random.default_rng(seed)
     )
     limits = np.full(vessels, math.inf)
-    return _scenario(name, file, starts=starts, goals=goals, limits=limits, buoys=buoy_rows)
+    arrays = {"starts": starts, "goals": goals, "buoys": buoy_rows}
+    return _scenario(name, file, types, limits=limits, **arrays)
 
 
-def _written(name: str, file: ScenarioFile) -> Scenario:
+def _written(name: str, file: ScenarioFile, types: Sequence[str]) -> Scenario:
     return _scenario(
         name,
         file,
+        types,
         starts=_rows([(*v.start_m, math.radians(v.heading_deg)) for v in file.vessel], 3),
         goals=_rows([v.goal_m for v in file.vessel], 2),
         limits=np.array([v.thrust_limit_n for v in file.vessel]),
@@ -203,17 +224,22 @@ def _written(name: str, file: ScenarioFile) -> Scenario:
     )
 
 
-def _scenario(name: str, file: ScenarioFile, *, limits: Float64, **arrays: Any) -> Scenario:
+def _scenario(
+    name: str, file: ScenarioFile, types: Sequence[str], *, limits: Float64, **arrays: Any
+) -> Scenario:
+    each = tuple(types[i % len(types)] for i in range(len(limits)))
+    longest = max(load_vessel(kind).length_m for kind in each)
     quays = [(*q.centre_m, *q.size_m, math.radians(q.heading_deg)) for q in file.quay]
     return Scenario(
         name=name,
         names=tuple(f"wamv{i + 1}" for i in range(len(limits))),
+        types=each,
         thrust_limits=limits,
         quays=_rows(quays, 6),
         map_size=file.map_size_m,
         sea=file.sea,
         time_limit_s=file.time_limit_s,
-        goal_radius=file.goal_radius_m,
+        goal_radius=file.goal_radius_m or goal_radius(longest),
         **arrays,
     )
 

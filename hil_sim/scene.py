@@ -2,36 +2,55 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from twinscrew.hil_sim.bodies import ABSENT, Bodies
+from twinscrew.hil_sim.bodies import Bodies
 from twinscrew.hil_sim.buoys import floating
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import Sea
-from twinscrew.hil_sim.shapes import Shape, boxes_shape, load_shape
+from twinscrew.hil_sim.shapes import Shape, boxes_shape, load_shape, vessel_shape
 from twinscrew.hil_sim.vessel.state import VesselState
 from twinscrew.runtime.messages.types import Float64
+from twinscrew.runtime.vessel_description import VesselDescription
 
 VESSEL, BUOY, QUAYS = 0, 1, 2
-"""Numbers of the shapes."""
+"""Numbers of the shapes; further kinds of vessels come after them."""
 QUAY_DRAUGHT = 2.0
 """[m] How far a quay reaches below the water at rest: deeper than any trough."""
 
 
-def shapes(scenario: Scenario) -> tuple[Shape, ...]:
+def shapes(scenario: Scenario, vessels: Sequence[VesselDescription]) -> tuple[Shape, ...]:
     """Give the shapes of everything in a scenario, in the order of their numbers."""
-    fixed = load_shape("wam_v_shape"), load_shape("light_buoy_shape")
-    return (*fixed, _quays(scenario.quays)) if len(scenario.quays) else fixed
+    kinds = list({vessel.key: vessel for vessel in vessels}.values())
+    first, *further = [vessel_shape(kind) for kind in kinds]
+    quays = [_quays(scenario.quays)] if len(scenario.quays) else []
+    return (first, load_shape("light_buoy"), *quays, *further)
+
+
+def shape_numbers(scenario: Scenario, vessels: Sequence[VesselDescription]) -> NDArray[np.int64]:
+    """Give the number of each vessel's shape, (V,), among `shapes`."""
+    kinds = list(dict.fromkeys(vessel.key for vessel in vessels))
+    after = QUAYS + int(len(scenario.quays) > 0) - 1
+    kind = np.array([kinds.index(vessel.key) for vessel in vessels])
+    return np.where(kind == 0, VESSEL, after + kind)
 
 
 def bodies(
-    scenario: Scenario, state: VesselState, present: NDArray[np.bool_], sea: Sea, time_s: float
+    scenario: Scenario,
+    state: VesselState,
+    shapes: NDArray[np.int64],
+    sea: Sea,
+    time_s: float,
 ) -> Bodies:
-    """Give everything that can be seen: vessels, buoys, then all quays as one body."""
+    """Give everything that can be seen: vessels, buoys, then all quays as one body.
+
+    `shapes`, (V,), are the numbers of the vessels' shapes, or `ABSENT`.
+    """
     B, Q = len(scenario.buoys), int(len(scenario.quays) > 0)
-    vessels = np.where(present, VESSEL, ABSENT)
-    shape = np.concatenate([vessels, np.full(B, BUOY), np.full(Q, QUAYS)]).astype(np.int32)
+    shape = np.concatenate([shapes, np.full(B, BUOY), np.full(Q, QUAYS)]).astype(np.int32)
     afloat = floating(scenario.buoys[:, :2], sea, time_s)
     upright = np.broadcast_to(np.eye(3), (B + Q, 3, 3))
     R_NB, still = rotations(state.q_NB), np.zeros((B + Q, 3))

@@ -1,4 +1,4 @@
-"""What things look like to a LiDAR: boxes and cylinders, as data (config/vessels/*_shape.toml)."""
+"""What things look like to a LiDAR: boxes and cylinders (config/shapes, config/vessels)."""
 
 from __future__ import annotations
 
@@ -12,40 +12,11 @@ from numpy.typing import NDArray
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.geometry import quaternion_from_euler, rotation_from_quaternion
 from twinscrew.runtime.messages.types import Float64
-from twinscrew.runtime.settings import Positive, Settings, load, shipped
+from twinscrew.runtime.settings import Settings, load, shipped
+from twinscrew.runtime.vessel_description import BoxPart, CylinderPart, VesselDescription
 
 BOX, CYLINDER = 0, 1
 MIRROR = np.array([1.0, -1.0, 1.0])
-
-Vector3 = tuple[float, float, float]
-
-
-class BoxPart(Settings, frozen=True, kw_only=True):
-    """A box."""
-
-    name: str = ""
-    centre_m: Vector3
-    """[m] [B] Its centre."""
-    size_m: tuple[Positive, Positive, Positive]
-    """[m] Its whole lengths along its own axes."""
-    rpy_rad: Vector3 = (0.0, 0.0, 0.0)
-    """[rad] Roll, pitch, yaw of its axes in B (zyx Euler angles)."""
-    mirrored: bool = False
-    """True if a second one stands on the other side of the vessel."""
-
-
-class CylinderPart(Settings, frozen=True, kw_only=True):
-    """A cylinder with flat ends."""
-
-    name: str = ""
-    centre_m: Vector3
-    """[m] [B] Its centre."""
-    axis: Vector3
-    """[-] [B] Direction of its axis, of any length but zero."""
-    length_m: Positive
-    radius_m: Positive
-    mirrored: bool = False
-    """True if a second one stands on the other side of the vessel."""
 
 
 class ShapeFile(Settings, frozen=True, kw_only=True):
@@ -73,9 +44,14 @@ Solid = tuple[int, Float64, Float64, Float64]
 
 
 def load_shape(name: str | Path) -> Shape:
-    """Read a shape: the name of a shipped one, as "wam_v_shape", or the path of a file."""
-    path = shipped("vessels", name)
+    """Read a shape: the name of a shipped one, as "light_buoy", or the path of a file."""
+    path = shipped("shapes", name)
     return make_shape(load(path, ShapeFile), file=path)
+
+
+def vessel_shape(vessel: VesselDescription) -> Shape:
+    """Give what a vessel looks like."""
+    return make_shape(ShapeFile(box=vessel.boxes, cylinder=vessel.cylinders))
 
 
 def make_shape(parts: ShapeFile, *, file: Path | None = None) -> Shape:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sitl_settings import OdometrySource, SitlSettings
-from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.config import RuntimeConfig, config_for
 from twinscrew.runtime.app.ground import GroundSettings
-from twinscrew.runtime.app.mission import MissionSettings
-from twinscrew.runtime.app.recording_settings import RecordingSettings
-from twinscrew.runtime.estimation.estimator import EstimationSettings
-from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.app.hull_settings import expecting
 from twinscrew.runtime.link.datum import Datum
+from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
 
 DATUM = Datum(latitude_deg=Origin().latitude_deg, longitude_deg=Origin().longitude_deg)
 """Where the scenarios' origin lies: the vessels sail in one frame."""
@@ -34,28 +32,33 @@ def runtime_config(
 ) -> RuntimeConfig:
     """Give the configuration of a vessel's runtime, which records to a folder, if any."""
     policy = Path(settings.policy)
-    return RuntimeConfig(
+    kind = load_vessel(scenario.types[vessel])
+    sensors = {} if kind.key != DEFAULT else {"sensors": settings.navigation.place}
+    return config_for(
+        kind.key,
         name=scenario.names[vessel],
         sensor=settings.sensor,
         policy=str(policy.resolve()) if policy.is_file() else settings.policy,
         odometry_source=_SOURCE[settings.odometry],
-        estimation=EstimationSettings(datum=DATUM, sensors=settings.navigation.place),
-        mission=MissionSettings(goal_radius_m=scenario.goal_radius),
+        estimation={"datum": DATUM, **sensors},
+        mission={"goal_radius_m": scenario.goal_radius},
+        perception=expecting(scenario.types),
         autopilot=_autopilot(settings, vessel),
         ground=ALL_TOLD if settings.ground else GroundSettings(),
-        recording=RecordingSettings(
-            folder=str(folder or ""), about={"scenario": scenario.name, "seed": str(settings.seed)}
-        ),
+        recording={
+            "folder": str(folder or ""),
+            "about": {"scenario": scenario.name, "seed": str(settings.seed)},
+        },
     )
 
 
-def _autopilot(settings: SitlSettings, vessel: int) -> AutopilotSettings:
+def _autopilot(settings: SitlSettings, vessel: int) -> dict[str, Any]:
     whole = settings.odometry is OdometrySource.AUTOPILOT_ODOMETRY
-    return AutopilotSettings(
-        system_id=vessel + 1,
-        arm=True,
-        receiver_fitted=False,
-        write_parameters=settings.write_params,
-        state_message="odometry" if whole else "local_position",
-        datum=DATUM,
-    )
+    return {
+        "system_id": vessel + 1,
+        "arm": True,
+        "receiver_fitted": False,
+        "write_parameters": settings.write_params,
+        "state_message": "odometry" if whole else "local_position",
+        "datum": DATUM,
+    }

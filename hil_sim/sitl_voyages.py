@@ -99,8 +99,11 @@ def _fleet(setup: Setup) -> Fleet | None:
     """Give the autopilots; None where the crew's own do."""
     settings, world = setup.settings, setup.world
     if settings.simulates_autopilots:
+        if not settings.ground:
+            return None
         ids = [index + 1 for index in range(world.scenario.vessels)]
-        return simulated_fleet(ids, ground=settings.ground) if settings.ground else None
+        scales = [config.autopilot.paddles for config in setup.configs]
+        return simulated_fleet(ids, ground=settings.ground, paddles=scales)
     ardupilot = replace(settings.ardupilot, ground=settings.ground)
     return ArduPilotFleet(world, setup.folders, ardupilot, setup.tell)
 

@@ -6,26 +6,27 @@ Its time is an integer count of steps, so that it never drifts.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
 from numpy.typing import NDArray
 
 from twinscrew.hil_sim import contacts, odometry, scene
-from twinscrew.hil_sim.bodies import Bodies
-from twinscrew.hil_sim.contacts import Obstacles
+from twinscrew.hil_sim.bodies import ABSENT, Bodies
+from twinscrew.hil_sim.contacts import HullCircles, Obstacles
 from twinscrew.hil_sim.lidar import Lidar, LidarSettings, Scan
 from twinscrew.hil_sim.mooring import moor
 from twinscrew.hil_sim.odometry import OdometrySettings
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
-from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, VesselDynamics
-from twinscrew.hil_sim.vessel.parameters import VesselParameters, load_vessel
-from twinscrew.hil_sim.vessel.rest import at_rest
+from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, FleetDynamics
+from twinscrew.hil_sim.vessel.rest import fleet_at_rest
+from twinscrew.runtime.app.hull_settings import lidar_on
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Odometry, PointCloud
 from twinscrew.runtime.perception.sensor import Sensor, load_sensor
 from twinscrew.runtime.settings import Positive, Settings, load, shipped
+from twinscrew.runtime.vessel_description import VesselDescription, load_vessel
 
 EPOCH_NS = 1_735_689_600 * NANOSECONDS_PER_SECOND
 """[ns] When a simulation begins, unless told otherwise: 2025-01-01 00:00 UTC."""
@@ -49,16 +50,23 @@ class World:
         self,
         scenario: Scenario,
         sensor: Sensor,
-        parameters: VesselParameters,
+        vessels: VesselDescription | Sequence[VesselDescription],
         sea: SeaSettings,
         seed: int,
         *,
         settings: WorldSettings | None = None,
         epoch_ns: int = EPOCH_NS,
     ) -> None:
-        """Put everything at its start, at rest, at time `epoch_ns`."""
+        """Put everything at its start, at rest, at time `epoch_ns`.
+
+        `vessels` are what sails, one a vessel of the scenario, or one kind for all. Each carries
+        the sensor at its own place.
+        """
         self.scenario = scenario
-        self.parameters = parameters
+        if isinstance(vessels, VesselDescription):
+            vessels = [vessels] * scenario.vessels
+        self.vessels: tuple[VesselDescription, ...] = tuple(vessels)
+        """Each vessel's description."""
         self.settings = settings or WorldSettings()
         self.epoch_ns = epoch_ns
         self.step_ns = round(self.settings.dynamics.step_s * NANOSECONDS_PER_SECOND)
@@ -70,10 +78,21 @@ class World:
         streams = [[np.random.default_rng(s) for s in v.spawn(2)] for v in for_vessels]
         self._lidar_rng: list[Generator] = [pair[0] for pair in streams]
         self._odometry_rng: list[Generator] = [pair[1] for pair in streams]
-        self._dynamics = VesselDynamics(parameters, self.settings.dynamics)
-        self._lidar = Lidar(sensor, self.settings.lidar, scene.shapes(scenario))
+        self._dynamics = FleetDynamics(self.vessels, self.settings.dynamics)
+        shapes = scene.shapes(scenario, self.vessels)
+        self._shapes = scene.shape_numbers(scenario, self.vessels)
+        kinds = {
+            vessel.key: (vessel, int(n))
+            for vessel, n in zip(self.vessels, self._shapes, strict=True)
+        }
+        self._lidars = {
+            key: Lidar(lidar_on(sensor, vessel), self.settings.lidar, shapes, number)
+            for key, (vessel, number) in kinds.items()
+        }
         self._obstacles = Obstacles(circles=scenario.buoys, boxes=scenario.quays)
-        self.state = at_rest(self._dynamics, scenario.starts[:, :2], scenario.starts[:, 2])
+        self._hulls = HullCircles(self.vessels)
+        starts = scenario.starts
+        self.state = fleet_at_rest(self._dynamics, starts[:, :2], starts[:, 2])
         self.present: NDArray[np.bool_] = np.ones(scenario.vessels, dtype=np.bool_)
         self.moored: NDArray[np.bool_] = np.zeros(scenario.vessels, dtype=np.bool_)
         self._moorings_N = scenario.starts.copy()
@@ -171,12 +190,14 @@ class World:
 
     def scan(self, vessel: int) -> Scan:
         """Give a vessel's scan that ends now, and the truth: rows are vessels, buoys, quays."""
-        return self._lidar.scan(self.bodies(), vessel, self.stamp_ns, self._lidar_rng[vessel])
+        lidar = self._lidars[self.vessels[vessel].key]
+        return lidar.scan(self.bodies(), vessel, self.stamp_ns, self._lidar_rng[vessel])
 
     def bodies(self) -> Bodies:
         """Give everything that can be seen now: vessels, buoys, then the quays as one body."""
         if self._bodies is None or self._bodies[0] != self.steps:
-            bodies = scene.bodies(self.scenario, self.state, self.present, self.sea, self.time_s)
+            shapes = np.where(self.present, self._shapes, ABSENT)
+            bodies = scene.bodies(self.scenario, self.state, shapes, self.sea, self.time_s)
             self._bodies = self.steps, bodies
         return self._bodies[1]
 
@@ -203,31 +224,34 @@ class World:
             look()
 
     def _measure_gaps(self) -> None:
-        self._gaps = contacts.gaps(self.state.position_N[:, :2], self._reaches, self._obstacles)
+        centres = self._hulls.centres(self.state.position_N[:, :2], self._heading())
+        gaps = contacts.gaps(centres, self._reaches, self._obstacles)
+        self._gaps = self._hulls.of_vessels(gaps)
         self._nearest: Float64 = self._gaps.min(axis=1)
         nearer = (self._nearest < self._closest) & ~self.moored
         self._closest[nearer] = self._nearest[nearer]
 
     def _measure_reaches(self) -> None:
-        radius = self.parameters.collision_radius_m
-        self._reaches = contacts.reaches(radius, self.present, self._obstacles)
+        self._reaches = contacts.reaches(self._hulls, self.present, self._obstacles)
+
+    def _heading(self) -> Float64:
+        return np.zeros(0) if self._hulls.alone else self.state.heading
 
 
 def make_world(
     scenario: Scenario,
     *,
     sensor: str = "vrx32",
-    vessel: str = "wam_v",
     seed: int = 0,
     settings: WorldSettings | None = None,
     epoch_ns: int = EPOCH_NS,
 ) -> World:
-    """Make the world of a scenario from names of shipped sensors, vessels and seas."""
+    """Make the world of a scenario, which names vessels and sea, and of a shipped sensor."""
     sea = load(shipped("sea", scenario.sea), SeaSettings)
     return World(
         scenario,
         load_sensor(sensor),
-        load_vessel(vessel),
+        [load_vessel(kind) for kind in scenario.types],
         sea,
         seed,
         settings=settings,

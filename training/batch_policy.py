@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from twinscrew.runtime.errors import ConfigError, PolicyError
 from twinscrew.runtime.messages.types import Float64, Observation
-from twinscrew.runtime.policy.base import Policy
-from twinscrew.runtime.policy.load import load_policy
+from twinscrew.runtime.policy.load import Policy, load_policy
 from twinscrew.runtime.policy.metadata import OUTPUT_NAME, OUTPUT_SHAPE
 from twinscrew.runtime.policy.onnx import AS_SHIPPED, OnnxPolicy, risk_feed
 from twinscrew.runtime.policy.onnx_runtime import ort

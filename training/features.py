@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
+from twinscrew.runtime.vessel_description import load_vessel
 
 
 class Scales(Settings, frozen=True):
@@ -27,8 +28,8 @@ class Scales(Settings, frozen=True):
     """[m] Where distances between hulls begin to matter: one vessel length."""
     time_s: Positive = 10.0
     """[s] Encounters further ahead than this are all alike: about the range at closing speed."""
-    ego_radius_m: NonNegative = 2.795
-    """[m] Collision radius of the WAM-V, 0.5 sqrt(5.0^2 + 2.5^2)."""
+    ego_radius_m: NonNegative = load_vessel().radius_m
+    """[m] Collision radius of the default vessel, half its diagonal."""
 
 
 EGO_FEATURES = 11

@@ -16,11 +16,12 @@ from twinscrew.hil_sim.bench.perception_scenes import AFLOAT, HEAVE, TILT
 from twinscrew.hil_sim.bench.perception_score import echo_counts, labelled_echoes
 from twinscrew.hil_sim.bodies import Bodies
 from twinscrew.hil_sim.lidar import Lidar, LidarSettings
-from twinscrew.hil_sim.shapes import Shape, boxes_shape, load_shape
+from twinscrew.hil_sim.shapes import Shape, boxes_shape, vessel_shape
 from twinscrew.runtime.geometry import quaternion_from_euler, rotation_from_quaternion
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Objects, Odometry
 from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import Sensor
+from twinscrew.runtime.vessel_description import load_vessel
 
 OWN = 0
 """The row of the vessel that looks."""
@@ -61,7 +62,7 @@ class Sight:
 def passage(rng: Generator) -> list[Body]:
     """Give all bodies; the first is the own vessel."""
     speed = rng.uniform(1.0, 3.0)
-    bodies = [Body(load_shape("wam_v_shape"), np.zeros(2), 0.0, speed, tilts=True)]
+    bodies = [Body(vessel_shape(load_vessel()), np.zeros(2), 0.0, speed, tilts=True)]
     height = rng.uniform(0.8, 2.5)
     beside = np.array([rng.uniform(-10.0, 10.0), rng.uniform(7.0, 13.0) + 2.0])
     bodies.append(Body(_quay(rng.uniform(15.0, 60.0), height), beside, rng.normal(0.0, 0.05)))

@@ -9,10 +9,11 @@ from numpy.random import Generator
 
 from twinscrew.hil_sim.bodies import Bodies
 from twinscrew.hil_sim.lidar import Lidar, LidarSettings, Scan
-from twinscrew.hil_sim.shapes import Shape, boxes_shape, load_shape
+from twinscrew.hil_sim.shapes import Shape, boxes_shape, load_shape, vessel_shape
 from twinscrew.runtime.geometry import quaternion_from_euler, rotation_from_quaternion
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.perception.sensor import Sensor
+from twinscrew.runtime.vessel_description import load_vessel
 
 VESSEL, BUOY, QUAY = 0, 1, 2
 """Numbers of the shapes; every quay is a shape of its own from `QUAY` on."""
@@ -112,5 +113,5 @@ def _afloat(
         R_NB=np.array([rotation_from_quaternion(q_NB) for q_NB in q]),
         water_z=np.zeros(count),
     )
-    shapes = (load_shape("wam_v_shape"), load_shape("light_buoy_shape"), *map(_quay, *quays.T))
+    shapes = (vessel_shape(load_vessel()), load_shape("light_buoy"), *map(_quay, *quays.T))
     return Scene(bodies=bodies, shapes=shapes, q_NB=q[0])

@@ -29,8 +29,7 @@ from twinscrew.runtime.messages.types import (
 )
 from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
-from twinscrew.runtime.policy.base import Policy
-from twinscrew.runtime.policy.load import load_policy
+from twinscrew.runtime.policy.load import Policy, load_policy
 from twinscrew.runtime.policy.observation import observe
 from twinscrew.runtime.tracking.tracker import Tracker
 from twinscrew.runtime.tracking.view import View
@@ -180,7 +179,7 @@ def _decide(world: World, vessel: int, policy: Policy, thrust: Float64) -> Float
         id=np.arange(count),
         p_N=truth.p_N,
         v_N=truth.v_N,
-        radius=np.where(truth.is_vessel > 0, world.parameters.collision_radius_m, 0.75),
+        radius=np.where(truth.is_vessel > 0, world.vessels[0].contact_radius_m, 0.75),
         covariance=np.zeros((count, 4, 4)),
         age_s=np.zeros(count),
     )

@@ -16,10 +16,11 @@ from twinscrew.hil_sim.bridges.datagrams import DatagramPort
 from twinscrew.hil_sim.bridges.inertial import moment
 from twinscrew.hil_sim.children import undisturbed
 from twinscrew.hil_sim.world import World
+from twinscrew.runtime.app.hull_settings import paddles
 from twinscrew.runtime.errors import LinkError
 from twinscrew.runtime.link.paddles import PaddleSettings, thrust_from_pwm
 from twinscrew.runtime.messages.types import Float64, Odometry
-from twinscrew.runtime.settings import NonNegative, Positive, Settings
+from twinscrew.runtime.settings import NonNegative, Positive, Settings, convert
 
 LOOK_S = 0.2
 """[s] Those that the world waits for are looked at this often: they may have died."""
@@ -77,6 +78,7 @@ class ArduPilotFleet:
         self.patience_s = settings.patience_s
         self._settings = settings
         self._world = world
+        self._paddles = [convert(paddles(vessel), PaddleSettings) for vessel in world.vessels]
         self._instances = [
             Instance(settings.first_instance + i, i + 1, folder, settings.ground)
             for i, folder in enumerate(folders)
@@ -102,7 +104,12 @@ class ArduPilotFleet:
 
     def thrust_N(self) -> Float64:
         """See `Fleet`; nothing before an ArduPilot is heard."""
-        return np.array([self._thrust_N(backend) for backend in self._backends])
+        return np.array(
+            [
+                self._thrust_N(backend, scale)
+                for backend, scale in zip(self._backends, self._paddles, strict=True)
+            ]
+        )
 
     def wait(self, until_s: float) -> None:
         """Give every ArduPilot its frames up to the world's present, and the clock its time."""
@@ -182,8 +189,8 @@ class ArduPilotFleet:
                     f"(UDP port {instance.physics_port})"
                 )
 
-    def _thrust_N(self, backend: JsonBackend) -> tuple[float, float]:
+    def _thrust_N(self, backend: JsonBackend, scale: PaddleSettings) -> tuple[float, float]:
         if not backend.heard:
             return 0.0, 0.0
-        pwm_us, scale = backend.pwm_us, self._settings.paddles
+        pwm_us = backend.pwm_us
         return thrust_from_pwm(pwm_us[LEFT], scale), thrust_from_pwm(pwm_us[RIGHT], scale)

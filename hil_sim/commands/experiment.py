@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from msgspec.structs import replace
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -18,6 +19,7 @@ from twinscrew.hil_sim.commands.experiment_answer import tell
 from twinscrew.hil_sim.experiments.plan import (
     ABLATIONS,
     Experiment,
+    SetSettings,
     Switches,
     load_sets,
     parse_ablations,
@@ -28,6 +30,7 @@ from twinscrew.hil_sim.experiments.results import EXPERIMENT_FILE, begin, go_on
 from twinscrew.hil_sim.experiments.runner import check_engine, find, parse_line, rerun, run
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.vessel_description import load_vessel
 
 NOT_THE_SAME = 1
 SMOOTHING_S = 300.0
@@ -73,6 +76,10 @@ def experiment(
         str | None,
         typer.Option(help="A name in config/sensors, or a file.", show_default="vrx32"),
     ] = None,
+    vessel: Annotated[
+        list[str] | None,
+        typer.Option(help="What sails: a name in config/vessels, or a file. Several: in turn."),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder of the results.")] = None,
     resume: Annotated[
         Path | None,
@@ -90,7 +97,7 @@ def experiment(
         return
     asked: dict[str, Any] = {
         "methods": None if methods is None else parse_methods(methods),
-        "sets": None if sets is None else load_sets(sets).set,
+        "sets": _sets(sets, vessel, resume),
         "episodes": episodes,
         "seed": seed,
         "sensor": sensor,
@@ -112,6 +119,18 @@ def experiment(
             lambda done, total: bar.update(task, completed=done, total=total),
         )
     tell(finished, folder, time.monotonic() - begin_s, as_json=as_json)
+
+
+def _sets(
+    sets: str | None, vessel: list[str] | None, resume: Path | None
+) -> tuple[SetSettings, ...] | None:
+    """Give the sets asked for, with the vessels asked for; None if nothing was said of them."""
+    if vessel is None:
+        return None if sets is None else load_sets(sets).set
+    if resume is not None and sets is None:
+        raise ConfigError("name the sets too: --sets", key="--vessel")
+    types = tuple(load_vessel(kind).key for kind in vessel)
+    return tuple(replace(one, types=types) for one in load_sets(sets or "paper").set)
 
 
 def _variants(ablate: str | None, base: str | None) -> tuple[Switches, ...] | None:

@@ -33,6 +33,10 @@ def sitl(
     ] = "random",
     vessels: Annotated[int | None, typer.Option(help="How many vessels.", min=1, max=20)] = None,
     buoys: Annotated[int | None, typer.Option(help="How many buoys.", min=0, max=50)] = None,
+    vessel: Annotated[
+        list[str] | None,
+        typer.Option(help="What sails: a name in config/vessels, or a file. Several: in turn."),
+    ] = None,
     seed: Annotated[int, typer.Option(help="What everything random is drawn from.", min=0)] = 0,
     policy: Annotated[
         str, typer.Option(help="apf, mpc, a name in config/policies, or an ONNX file.")
@@ -92,7 +96,7 @@ def sitl(
     Exit status 0 if every vessel arrived and every promise was kept, 1 if not, 2 for a usage or
     set-up error.
     """
-    made = _with_limit(load_scenario(scenario, vessels, buoys, seed), max_time)
+    made = _with_limit(load_scenario(scenario, vessels, buoys, seed, vessel or ()), max_time)
     if orders and (lockstep or not view):
         raise ConfigError("only with --view, and in real time", key="--orders")
     if ardupilot_binary is not None and autopilot is not AutopilotKind.ARDUPILOT:

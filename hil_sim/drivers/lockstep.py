@@ -15,6 +15,7 @@ from typing import Protocol, Self
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.children import undisturbed
@@ -67,7 +68,10 @@ class SteppedCrew:
         settings = autopilot or RoverAutopilotSettings()
         self._runtimes = runtimes
         self._autopilots = [
-            RoverAutopilot(settings, config.autopilot.system_id) for config in configs
+            RoverAutopilot(
+                replace(settings, paddles=config.autopilot.paddles), config.autopilot.system_id
+            )
+            for config in configs
         ]
 
     def deliver(self, vessel: int, topic: str, payload: bytes, now_s: float) -> None:

@@ -12,6 +12,7 @@ from typing import Protocol, Self
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.udp import AutopilotOnTheNet
@@ -24,6 +25,7 @@ from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.errors import LinkError, MessageError
 from twinscrew.runtime.link import events
+from twinscrew.runtime.link.paddles import PaddleSettings
 from twinscrew.runtime.link.sockets import UdpTransport
 from twinscrew.runtime.link.transport import open_transport
 from twinscrew.runtime.messages import cdr
@@ -112,7 +114,10 @@ class SimulatedFleet:
 
 
 def simulated_fleet(
-    system_ids: Sequence[int], settings: RoverAutopilotSettings | None = None, ground: str = ""
+    system_ids: Sequence[int],
+    settings: RoverAutopilotSettings | None = None,
+    ground: str = "",
+    paddles: Sequence[PaddleSettings] = (),
 ) -> SimulatedFleet:
     """Make autopilots of these system ids in this process.
 
@@ -121,6 +126,8 @@ def simulated_fleet(
     ground
         HOST:PORT where a ground station listens. They call it on a second port, and hand messages
         on between it and the companions. Empty: there is none.
+    paddles
+        What each one's outputs mean; none: what the settings say, for all.
 
     Raises
     ------
@@ -128,13 +135,12 @@ def simulated_fleet(
         There is no such place to call.
     """
     settings = settings or RoverAutopilotSettings()
+    each = [replace(settings, paddles=scale) for scale in paddles] or [settings] * len(system_ids)
     lines = [[open_transport(f"udpout:{ground}")] if ground else [] for _ in system_ids]
     transports = [UdpTransport(LOOPBACK, 0, listens=True) for _ in system_ids]
     pilots = [
-        AutopilotOnTheNet(
-            RoverAutopilot(settings, system_id, ports=1 + len(line)), transport, *line
-        )
-        for system_id, transport, line in zip(system_ids, transports, lines, strict=True)
+        AutopilotOnTheNet(RoverAutopilot(one, system_id, ports=1 + len(line)), transport, *line)
+        for system_id, one, transport, line in zip(system_ids, each, transports, lines, strict=True)
     ]
     return SimulatedFleet(pilots, [transport.port for transport in transports])
 
@@ -176,7 +182,10 @@ class RealtimeCrew:
         """
         self._configs = configs
         self._folders = folders
-        self._fleet = fleet or simulated_fleet([c.autopilot.system_id for c in configs])
+        self._fleet = fleet or simulated_fleet(
+            [c.autopilot.system_id for c in configs],
+            paddles=[c.autopilot.paddles for c in configs],
+        )
         self._tell = tell
         self._reroute = reroute or (lambda _vessel, port: port)
         self._buses: list[ZenohBus] = []

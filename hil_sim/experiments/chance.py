@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from twinscrew.runtime.messages.types import Float64, Observation
-from twinscrew.runtime.policy.rollout import LEVELS
+from twinscrew.runtime.policy.vessel_model import LEVELS
 
 NAME = "random"
 """What `--methods` calls it."""

@@ -45,15 +45,12 @@ from twinscrew.hil_sim.experiments.results import (
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.supervisor import Outcome
-from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.hil_sim.world import World, WorldSettings
-from twinscrew.runtime.app.config import RuntimeConfig
-from twinscrew.runtime.app.mission import MissionSettings
-from twinscrew.runtime.app.recording_settings import RecordingSettings
+from twinscrew.runtime.app.config import RuntimeConfig, config_for
+from twinscrew.runtime.app.hull_settings import expecting
 from twinscrew.runtime.app.replay import combined_sha256
 from twinscrew.runtime.app.stepped import SteppedRuntime
 from twinscrew.runtime.errors import ConfigError, TwinscrewError
-from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.messages.types import (
     Float64,
     HealthEvent,
@@ -64,10 +61,11 @@ from twinscrew.runtime.messages.types import (
 )
 from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import Sensor, load_sensor
-from twinscrew.runtime.safety.assurance import Assurance, AssuranceSettings
+from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.events import ASSURANCE_INTERVENED
 from twinscrew.runtime.settings import load, shipped
 from twinscrew.runtime.tracking.tracker import Tracker
+from twinscrew.runtime.vessel_description import load_vessel
 
 POINTS = 100
 """[-] Number of points an ideal object claims to have: more than any stage asks for."""
@@ -99,7 +97,7 @@ def surroundings(world: World, vessel: int, reach_m: float) -> Surroundings:
         raise ConfigError("a quay is no circle: not with ideal perception", key="--ablate")
     bodies = world.bodies()
     buoys = world.scenario.buoys[:, 2]
-    radius = np.r_[np.full(world.scenario.vessels, world.parameters.collision_radius_m), buoys]
+    radius = np.r_[[vessel.contact_radius_m for vessel in world.vessels], buoys]
     p_N = bodies.position_N[:, :2] - bodies.position_N[vessel, :2]
     seen = (bodies.shape != ABSENT) & (np.hypot(*p_N.T) <= reach_m + radius)
     seen[vessel] = False
@@ -301,7 +299,7 @@ def course_of(world: WitnessWorld, voyage: VoyageResult, switches: Switches) -> 
         ended_s=ended_s,
         gone_s=np.where(gone, ended_s, np.inf),
         buoys=world.scenario.buoys,
-        radius=world.parameters.collision_radius_m,
+        radius=max(vessel.contact_radius_m for vessel in world.vessels),
     )
 
 
@@ -368,10 +366,10 @@ def sail_episode(task: Task, folder: Path | None = None) -> Sailed:
 
 def _world(scenario: Scenario, task: Task) -> WitnessWorld:
     sea = calmed(load(shipped("sea", scenario.sea), SeaSettings), task.switches)
-    vessel = load_vessel(vessel_of(task.switches))
+    vessels = [vessel_of(task.switches, load_vessel(kind)) for kind in scenario.types]
     settings = WorldSettings(dynamics=dynamics(task.switches))
     sensor = load_sensor(task.sensor)
-    return WitnessWorld(scenario, sensor, vessel, sea, task.seed, settings=settings)
+    return WitnessWorld(scenario, sensor, vessels, sea, task.seed, settings=settings)
 
 
 def _crew(world: WitnessWorld, task: Task, folder: Path | None) -> LockstepCrew:
@@ -385,17 +383,19 @@ def _crew(world: WitnessWorld, task: Task, folder: Path | None) -> LockstepCrew:
 
 def _config(task: Task, scenario: Scenario, vessel: int, folder: Path | None) -> RuntimeConfig:
     name, by_chance = scenario.names[vessel], task.method.policy == CHANCE
-    return RuntimeConfig(
+    return config_for(
+        scenario.types[vessel],
         name=name,
         sensor=task.sensor,
         policy=CLASSICAL[0] if by_chance else task.method.policy,  # `_fit_out` replaces it
-        assurance=unassured(AssuranceSettings(), task.switches),
-        mission=MissionSettings(goal_radius_m=scenario.goal_radius),
-        autopilot=AutopilotSettings(system_id=vessel + 1, arm=True, receiver_fitted=False),
-        recording=RecordingSettings(
-            folder=str(folder / name) if folder else "",
-            about={"scenario": scenario.name, "seed": str(task.seed)},
-        ),
+        assurance=unassured(task.switches),
+        mission={"goal_radius_m": scenario.goal_radius},
+        perception=expecting(scenario.types),
+        autopilot={"system_id": vessel + 1, "arm": True, "receiver_fitted": False},
+        recording={
+            "folder": str(folder / name) if folder else "",
+            "about": {"scenario": scenario.name, "seed": str(task.seed)},
+        },
     )
 
 

@@ -25,8 +25,8 @@ from twinscrew.hil_sim.supervisor import SupervisorSettings
 from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, as_vrx
 from twinscrew.runtime.errors import ConfigError, PolicyError, one_of
 from twinscrew.runtime.policy.load import load_policy
-from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.settings import CONFIG_DIR, Count, Settings, load, shipped
+from twinscrew.runtime.vessel_description import VesselDescription, load_vessel
 
 Name = Annotated[str, Meta(min_length=1)]
 
@@ -42,10 +42,12 @@ class SetSettings(Settings, frozen=True, kw_only=True):
     """[-] None: the scenario says it."""
     buoys: Buoys | None = None
     """[-] None: the scenario says it."""
+    types: tuple[str, ...] = ()
+    """What sails, in turn: names in config/vessels, or files; none: the scenario says it."""
 
     def draw(self, seed: int) -> Scenario:
         """Give an episode's beginning; a `ConfigError` if there can be none."""
-        return load_scenario(self.scenario, self.vessels, self.buoys, seed)
+        return load_scenario(self.scenario, self.vessels, self.buoys, seed, self.types)
 
 
 class SetsFile(Settings, frozen=True, kw_only=True):
@@ -155,10 +157,12 @@ def calmed(sea: SeaSettings, switches: Switches) -> SeaSettings:
     return sea
 
 
-def vessel_of(switches: Switches) -> str:
-    """Name the vessel that sails."""
-    trained = CONFIG_DIR / "experiments" / "training_vessel.toml"
-    return str(trained) if "training_vessel" in switches else "wam_v"
+def vessel_of(switches: Switches, vessel: VesselDescription) -> VesselDescription:
+    """Give the vessel that sails: the scenario's, or one that moves as the training's does."""
+    if "training_vessel" not in switches:
+        return vessel
+    trained = load_vessel(CONFIG_DIR / "experiments" / "training_vessel.toml")
+    return replace(trained, boxes=vessel.boxes, cylinders=vessel.cylinders)
 
 
 def dynamics(switches: Switches) -> DynamicsSettings:
@@ -171,9 +175,9 @@ def eased(scenario: Scenario, switches: Switches) -> Scenario:
     return replace(scenario, goal_radius=4.0) if "goal_4m" in switches else scenario
 
 
-def unassured(settings: AssuranceSettings, switches: Switches) -> AssuranceSettings:
-    """Let the policy's commands pass unchecked."""
-    return structs.replace(settings, enabled=False) if "no_assurance" in switches else settings
+def unassured(switches: Switches) -> dict[str, bool]:
+    """Let the policy's commands pass unchecked: what the assurance's table then says."""
+    return {"enabled": False} if "no_assurance" in switches else {}
 
 
 def supervision(switches: Switches) -> SupervisorSettings:
@@ -284,7 +288,7 @@ def policy_sha256(policy: str) -> str:
     if policy == CHANCE:
         path = Path(chance.__file__)
     elif policy in CLASSICAL:
-        path = shipped("experiments", policy)
+        path = shipped("policies", policy)
     else:
         path = shipped("policies", policy, ".onnx")
     return hashlib.sha256(path.read_bytes()).hexdigest()

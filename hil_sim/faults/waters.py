@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from twinscrew.hil_sim.scenario import Scenario
+from twinscrew.runtime.vessel_description import DEFAULT
 
 LANE_M = 80.0
 """[m] Between lanes: perception ends at 20 m."""
@@ -29,6 +30,7 @@ def lanes(count: int, duration_s: float) -> Scenario:
     return Scenario(
         name="lanes",
         names=tuple(f"wamv{i + 1}" for i in range(count)),
+        types=(DEFAULT,) * count,
         starts=np.column_stack([np.zeros(count), east, np.zeros(count)]),
         goals=np.column_stack([np.full(count, GOAL_M), east]),
         thrust_limits=np.full(count, math.inf),

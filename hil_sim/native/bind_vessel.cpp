@@ -24,14 +24,15 @@ std::array<double, 6> six(const In<6>& a) {
 
 Model make_model(In<6, 6> mass, In<6, 6> mass_inverse, In<6> linear_drag, In<6> quadratic_drag,
                  double weight_n, In<3> centre_B, In<-1, 3> keel_B, double hull_radius_m,
-                 double lift_per_area, In<2, 3> propellers_B, In<3> thrust, In<3> windage,
+                 double lift_per_area, In<2, 3> propellers_B, In<4> thrust, In<3> windage,
                  bool wind_world_frame) {
   require(finite(mass) && finite(mass_inverse) && finite(linear_drag) && finite(quadratic_drag) &&
-              finite(centre_B) && finite(keel_B) && finite(propellers_B) && finite(thrust) &&
-              finite(windage),
+              finite(centre_B) && finite(keel_B) && finite(propellers_B) && finite(windage) &&
+              std::isfinite(thrust(0)) && std::isfinite(thrust(1)) && std::isfinite(thrust(2)),
           "a vessel's numbers must be finite");
   require(hull_radius_m > 0, "a hull needs a radius");
-  require(thrust(0) <= thrust(1) && thrust(2) >= 0, "thrust is (least, greatest, lag)");
+  require(thrust(0) <= thrust(1) && thrust(2) >= 0 && thrust(3) > 0,
+          "thrust is (least, greatest, lag, slew)");
   std::vector<Vec3> keel;
   for (std::size_t i = 0; i < keel_B.shape(0); ++i) keel.push_back(vec3(keel_B.data() + 3 * i));
   return {.M = matrix6(mass),
@@ -47,6 +48,7 @@ Model make_model(In<6, 6> mass, In<6, 6> mass_inverse, In<6> linear_drag, In<6> 
           .thrust_min = thrust(0),
           .thrust_max = thrust(1),
           .thrust_lag = thrust(2),
+          .thrust_slew = thrust(3),
           .wind_along = windage(0),
           .wind_across = windage(1),
           .wind_yaw = windage(2),
@@ -158,7 +160,7 @@ void bind_vessel(nb::module_& m) {
           "__init__",
           [](Model* self, In<6, 6> mass, In<6, 6> mass_inverse, In<6> linear_drag,
              In<6> quadratic_drag, double weight_n, In<3> centre_B, In<-1, 3> keel_B,
-             double hull_radius_m, double lift_per_area, In<2, 3> propellers_B, In<3> thrust,
+             double hull_radius_m, double lift_per_area, In<2, 3> propellers_B, In<4> thrust,
              In<3> windage, bool wind_world_frame) {
             new (self) Model(make_model(mass, mass_inverse, linear_drag, quadratic_drag, weight_n,
                                         centre_B, keel_B, hull_radius_m, lift_per_area,

@@ -119,8 +119,11 @@ Quaternion turn(Quaternion q, Vec3 angle) {
   return {w / norm, t.x / norm, t.y / norm, t.z / norm};
 }
 
-double lagged(double thrust, double command, double lag, double dt) {
-  return lag == 0.0 ? command : command + (thrust - command) * std::exp(-dt / lag);
+/// The thrust a step later: first-order lag, then no faster than the slew limit.
+double followed(double thrust, double command, const Model& model, double dt) {
+  const double lag = model.thrust_lag, most = model.thrust_slew * dt;
+  const double next = lag == 0.0 ? command : command + (thrust - command) * std::exp(-dt / lag);
+  return std::abs(next - thrust) <= most ? next : thrust + std::copysign(most, next - thrust);
 }
 
 }  // namespace
@@ -139,9 +142,8 @@ State step(const Model& model, const State& state, std::array<double, 2> command
            double dt) {
   State next = state;
   for (std::size_t i = 0; i < 2; ++i)
-    next.thrust[i] = lagged(state.thrust[i],
-                            std::clamp(command[i], model.thrust_min, model.thrust_max),
-                            model.thrust_lag, dt);
+    next.thrust[i] = followed(
+        state.thrust[i], std::clamp(command[i], model.thrust_min, model.thrust_max), model, dt);
   const Six nu_dot = acceleration(model, next, sea);
   const Rotation R(state.attitude);
   const Vec3 velocity_r = state.velocity - R.to_body(sea.current) + dt * nu_dot.linear;

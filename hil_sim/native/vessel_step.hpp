@@ -36,7 +36,7 @@ struct Model {
   std::vector<Vec3> keel;
   double hull_radius, lift_per_area;  // [m], [N/m2] of each keel point's wet section
   std::array<Vec3, 2> propeller;
-  double thrust_min, thrust_max, thrust_lag;
+  double thrust_min, thrust_max, thrust_lag, thrust_slew;  // [N], [N], [s], [N/s] or infinite
   double wind_along, wind_across, wind_yaw;
   bool wind_world_frame;  // VRX's quirk: the coefficients go with east and north
 };

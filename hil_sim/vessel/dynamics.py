@@ -1,4 +1,4 @@
-"""How vessels move: the equations of motion, stepped for all vessels at once.
+"""How vessels move: their mass, and the equations of motion, stepped for all vessels at once.
 
 The equations are in hil_sim/native/vessel_step.cpp; docs/simulator.md explains them, and
 tests/reference/vessel_step.py says the same in numpy.
@@ -6,6 +6,8 @@ tests/reference/vessel_step.py says the same in numpy.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -13,10 +15,9 @@ from numpy.typing import NDArray
 
 from twinscrew.hil_sim._native import VesselModel
 from twinscrew.hil_sim.sea.sea import Sea
-from twinscrew.hil_sim.vessel.inertia import join
-from twinscrew.hil_sim.vessel.parameters import VesselParameters, lift_per_area
 from twinscrew.hil_sim.vessel.state import VesselState
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
+from twinscrew.runtime.vessel_description import Part, VesselDescription, lift_per_area
 
 Array = NDArray[np.float64]
 
@@ -28,8 +29,8 @@ class DynamicsSettings(Settings, frozen=True):
     """[s] Step that the simulator's drivers take; VRX: 0.05."""
     wind_frame: Literal["body", "vrx_world_frame"] = "body"
     """Whose axes the wind coefficients belong to: the vessel's, or (VRX's quirk) the world's."""
-    thrust_lag_s: NonNegative = 0.0
-    """[s] Time constant of the propellers; VRX: none."""
+    thrust_lag_s: NonNegative | None = None
+    """[s] Time constant of the propellers; None: the vessel's (WAM-V, as VRX: 0)."""
 
 
 def as_vrx() -> DynamicsSettings:
@@ -41,7 +42,7 @@ class VesselDynamics:
     """Moves vessels of one kind. Holds no state: everything it needs comes as arguments."""
 
     def __init__(
-        self, parameters: VesselParameters, settings: DynamicsSettings | None = None
+        self, parameters: VesselDescription, settings: DynamicsSettings | None = None
     ) -> None:
         self.parameters = parameters
         self.settings = settings or DynamicsSettings()
@@ -88,6 +89,42 @@ class VesselDynamics:
         return nu_dot
 
 
+class FleetDynamics:
+    """Moves vessels of several kinds: each kind by its own equations."""
+
+    def __init__(
+        self, vessels: Sequence[VesselDescription], settings: DynamicsSettings | None = None
+    ) -> None:
+        """Take each vessel's description, in the order of the state's rows."""
+        kinds = list(dict.fromkeys(vessel.key for vessel in vessels))
+        of = np.array([kinds.index(vessel.key) for vessel in vessels])
+        self.kinds = tuple(
+            (VesselDynamics(vessels[rows[0]], settings), rows)
+            for rows in (np.flatnonzero(of == number) for number in range(len(kinds)))
+        )
+        """Each kind's equations, and which rows of the state are its."""
+
+    def step(
+        self, state: VesselState, command_N: Array, sea: Sea, time_s: float, dt_s: float
+    ) -> VesselState:
+        """See `VesselDynamics.step`."""
+        if len(self.kinds) == 1:
+            return self.kinds[0][0].step(state, command_N, sea, time_s, dt_s)
+        after = _blank(state.count)
+        for dynamics, rows in self.kinds:
+            some = dynamics.step(_rows(state, rows), command_N[rows], sea, time_s, dt_s)
+            for whole, part in zip(_arrays(after), _arrays(some), strict=True):
+                whole[rows] = part
+        return after
+
+
+def _rows(state: VesselState, rows: NDArray[np.intp]) -> VesselState:
+    position, attitude, velocity, rates, thrust = (array[rows] for array in _arrays(state))
+    return VesselState(
+        position_N=position, q_NB=attitude, velocity_B=velocity, rates_B=rates, thrust=thrust
+    )
+
+
 def _blank(count: int) -> VesselState:
     """Give a state whose arrays wait to be filled, laid out as the native code wants them."""
     return VesselState(
@@ -107,10 +144,12 @@ def _sea_at(sea: Sea, time_s: float) -> tuple[Array, float, Array, Array]:
     return sea.wave_table, sea.wave_growth(time_s), sea.wind(time_s), sea.current_N
 
 
-def _native_model(parameters: VesselParameters, settings: DynamicsSettings) -> VesselModel:
+def _native_model(parameters: VesselDescription, settings: DynamicsSettings) -> VesselModel:
     body = join(parameters.parts)
     mass = body.mass_matrix() + np.diag(parameters.added_mass)
     thrusters, windage = parameters.thrusters, parameters.windage
+    lag_s = settings.thrust_lag_s
+    lag_s = thrusters.time_constant_s if lag_s is None else lag_s
     return VesselModel(
         mass=mass,
         mass_inverse=np.asarray(np.linalg.inv(mass), dtype=np.float64),
@@ -122,7 +161,42 @@ def _native_model(parameters: VesselParameters, settings: DynamicsSettings) -> V
         hull_radius_m=parameters.buoyancy.hull_radius_m,
         lift_per_area=lift_per_area(parameters.buoyancy),
         propellers_B=thrusters.positions_B,
-        thrust=np.array([thrusters.min_n, thrusters.max_n, settings.thrust_lag_s]),
+        thrust=np.array([thrusters.min_n, thrusters.max_n, lag_s, thrusters.slew_nps or np.inf]),
         windage=np.array([windage.along, windage.across, windage.yaw]),
         wind_world_frame=settings.wind_frame == "vrx_world_frame",
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigidBody:
+    """Parts joined rigidly."""
+
+    mass: float
+    """[kg]"""
+    centre_B: Array
+    """[m] [B] (3,) Centre of gravity, from base_link."""
+    inertia_B: Array
+    """[kg m2] [B] (3, 3) About base_link."""
+
+    def mass_matrix(self) -> Array:
+        """Give M_RB about base_link, (6, 6)."""
+        S = self.mass * skew(self.centre_B)
+        return np.block([[self.mass * np.eye(3), -S], [S, self.inertia_B]])
+
+
+def skew(a: Array) -> Array:
+    """Give S(a), (3, 3), with S(a) b = a x b."""
+    x, y, z = a
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def join(parts: Iterable[Part]) -> RigidBody:
+    """Sum parts into one body; each inertia is moved to base_link by the parallel-axis theorem."""
+    mass, moment, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
+    for part in parts:
+        S = skew(part.position_B)
+        mass += part.mass_kg
+        moment += part.mass_kg * part.position_B
+        # Parallel-axis theorem: I_b = I_g - m S(r) S(r).
+        inertia += np.diag(part.inertia_kgm2) - part.mass_kg * S @ S
+    return RigidBody(mass=mass, centre_B=moment / mass, inertia_B=inertia)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twinscrew.hil_sim.sea.sea import Sea, SeaSettings, WaveSettings, WindSettings
-from twinscrew.hil_sim.vessel.dynamics import VesselDynamics
+from twinscrew.hil_sim.vessel.dynamics import FleetDynamics, VesselDynamics
 from twinscrew.hil_sim.vessel.state import VesselState, level_quaternion
 from twinscrew.runtime.errors import ConfigError
 
@@ -54,6 +54,24 @@ def at_rest(dynamics: VesselDynamics, places_N: Array, headings: Array) -> Vesse
         rates_B=np.zeros((count, 3)),
         thrust=np.zeros((count, 2)),
     )
+
+
+def fleet_at_rest(fleet: FleetDynamics, places_N: Array, headings: Array) -> VesselState:
+    """Put vessels of several kinds on still water; see `at_rest`."""
+    if len(fleet.kinds) == 1:
+        return at_rest(fleet.kinds[0][0], places_N, headings)
+    count = len(places_N)
+    state = VesselState(
+        position_N=np.zeros((count, 3)),
+        q_NB=np.zeros((count, 4)),
+        velocity_B=np.zeros((count, 3)),
+        rates_B=np.zeros((count, 3)),
+        thrust=np.zeros((count, 2)),
+    )
+    for dynamics, rows in fleet.kinds:
+        kind = at_rest(dynamics, places_N[rows], headings[rows])
+        state.position_N[rows], state.q_NB[rows] = kind.position_N, kind.q_NB
+    return state
 
 
 def equilibrium(dynamics: VesselDynamics) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.integrity.manifest import Manifest, read_manifest
 from twinscrew.runtime.permissions import require_unwritable
 from twinscrew.runtime.settings import shipped
+from twinscrew.runtime.vessel_description import DEFAULT
 
 BASELINES = ("apf", "mpc")
 
@@ -113,6 +114,7 @@ def files_of(source: Path, config: RuntimeConfig) -> list[Path]:
     approval.
     """
     files = [source, shipped("sensors", config.sensor), _policy(config.policy)]
+    files += {shipped("vessels", DEFAULT), shipped("vessels", config.vessel)}
     files.append(shipped("autopilot", "ardurover", ".parm"))
     if config.bus.config_file is not None:
         files.append(Path(config.bus.config_file))
@@ -121,7 +123,7 @@ def files_of(source: Path, config: RuntimeConfig) -> list[Path]:
 
 def _policy(spec: str) -> Path:
     if spec in BASELINES:
-        return shipped("experiments", spec)
+        return shipped("policies", spec)
     return shipped("policies", spec, ".onnx")
 
 

@@ -22,6 +22,7 @@ from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.guard import Guard
 from twinscrew.runtime.tracking.tracker import Tracker
 from twinscrew.runtime.tracking.view import View
+from twinscrew.runtime.vessel_description import load_vessel
 
 
 def make_core(config: RuntimeConfig) -> Core:
@@ -36,7 +37,9 @@ def make_core(config: RuntimeConfig) -> Core:
     pipeline = Pipeline(
         perception=Perception(sensor, config.perception),
         tracker=Tracker(config.tracking, View.of(sensor)),
-        policy=load_policy(config.policy, expected_of_policies(config), config.risk),
+        policy=load_policy(
+            config.policy, expected_of_policies(config), config.risk, load_vessel(config.vessel)
+        ),
         mission=Mission(config.mission),
         guard=Guard(config.thrust),
         observation=config.observation,
@@ -51,6 +54,7 @@ def expected_of_policies(config: RuntimeConfig) -> PolicyExpectation:
         thrust_min_n=config.thrust.min_n,
         thrust_max_n=config.thrust.max_n,
         perception_range_m=config.perception.max_range_m,
+        vessel=load_vessel(config.vessel).name,
     )
 
 

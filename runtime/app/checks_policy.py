@@ -11,9 +11,10 @@ from twinscrew.runtime.app.assemble import expected_of_policies
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.finding import Finding, fail, ok, warn
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS, Observation
-from twinscrew.runtime.policy.load import load_policy
+from twinscrew.runtime.policy.load import Policy, load_policy
 from twinscrew.runtime.policy.onnx import OnnxPolicy
 from twinscrew.runtime.settings import shipped
+from twinscrew.runtime.vessel_description import load_vessel
 
 SAME = ("training_run", "commit", "created")
 """What a policy file and its card must agree on."""
@@ -21,9 +22,14 @@ WORTHY = 0.9
 """[-] A policy that fails oftener than this in one of the paper's settings is worth a warning."""
 
 
+def _policy_of(config: RuntimeConfig) -> Policy:
+    vessel = load_vessel(config.vessel)
+    return load_policy(config.policy, expected_of_policies(config), config.risk, vessel)
+
+
 def check_policy(config: RuntimeConfig) -> Finding:
     """Load the policy, and ask it the same thing twice."""
-    policy = load_policy(config.policy, expected_of_policies(config), config.risk)
+    policy = _policy_of(config)
     blank = Observation(
         ego=np.array([20, 0, 0, 0, 0, 0, 0], dtype=np.float32),
         objects=np.zeros((OBSERVED_OBJECTS, 5), dtype=np.float32),
@@ -38,7 +44,7 @@ def check_policy(config: RuntimeConfig) -> Finding:
 
 def check_card(config: RuntimeConfig) -> Finding:
     """Compare the policy with the card beside it, and tell what the card says it can do."""
-    policy = load_policy(config.policy, expected_of_policies(config), config.risk)
+    policy = _policy_of(config)
     if not isinstance(policy, OnnxPolicy):
         return ok("policy card", f"{policy.name} needs none: it is no trained file")
     path = shipped("policies", config.policy, ".onnx").with_suffix(".json")

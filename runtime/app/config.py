@@ -6,18 +6,21 @@ config/runtime.toml shows every key with its default, unit and meaning.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
+import msgspec
 from msgspec import Meta
 from msgspec.structs import replace
 
 from twinscrew.runtime.app.ground import GroundSettings
+from twinscrew.runtime.app.hull_settings import hull_settings
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.odometry_buffer import OdometryBufferSettings
 from twinscrew.runtime.app.odometry_source import AlignmentSettings
 from twinscrew.runtime.app.priority import PrioritySettings
 from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.messages.topics import TOPICS
@@ -27,8 +30,9 @@ from twinscrew.runtime.policy.observation import ObservationSettings
 from twinscrew.runtime.policy.risk import RiskSettings
 from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.safety.guard import ThrustLimits
-from twinscrew.runtime.settings import Settings, load
+from twinscrew.runtime.settings import Settings, convert, read_toml
 from twinscrew.runtime.tracking.tracker import TrackerSettings
+from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
 
 
 class IntegritySettings(Settings, frozen=True):
@@ -46,6 +50,9 @@ class RuntimeConfig(Settings, frozen=True):
 
     name: str = "wamv"
     """The vessel's namespace: its topics are `<name>/sensors/...`."""
+    vessel: str = DEFAULT
+    """What the vessel is: a name in config/vessels, or a file. Settings that depend on the hull and
+    are not given follow it (docs/vessels.md)."""
     sensor: str = "vrx32"
     """The LiDAR: a name in config/sensors, or a file."""
     mount: Mount | None = None
@@ -107,6 +114,52 @@ def autopilot_of(config: RuntimeConfig) -> AutopilotSettings:
     return replace(settings, state_hz=TOPICS["odometry"].rate_hz)
 
 
-def load_config(path: Path) -> RuntimeConfig:
-    """Read a runtime's configuration; a `ConfigError` says what in it cannot be used."""
-    return load(path, RuntimeConfig)
+def load_config(path: Path, vessel: str | None = None) -> RuntimeConfig:
+    """Read a runtime's configuration, with the settings of its vessel where it gives none.
+
+    Parameters
+    ----------
+    path
+        The TOML file.
+    vessel
+        What the vessel is, whatever the file says.
+
+    Raises
+    ------
+    ConfigError
+        Says what in it cannot be used.
+    """
+    values = read_toml(path)
+    if vessel is not None:
+        values["vessel"] = vessel
+    return _following(values, path)
+
+
+def config_for(vessel: str, **given: Any) -> RuntimeConfig:
+    """Give a vessel's configuration: what is given, and else what follows its hull.
+
+    Tables are given as dictionaries, with only those keys that are meant.
+    """
+    return _following({"vessel": vessel, **msgspec.to_builtins(given)}, None)
+
+
+def _following(values: dict[str, Any], file: Path | None) -> RuntimeConfig:
+    try:
+        vessel = load_vessel(str(values.get("vessel", DEFAULT)))
+    except ConfigError as error:
+        raise ConfigError(str(error), file=file, key="vessel") from error
+    return convert(_merged(hull_settings(vessel), values), RuntimeConfig, file=file)
+
+
+def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    """Lay one tree of tables over another."""
+    both = {key: (below[key], value) for key, value in above.items() if key in below}
+    return {
+        **below,
+        **above,
+        **{
+            key: _merged(low, high)
+            for key, (low, high) in both.items()
+            if isinstance(low, dict) and isinstance(high, dict)
+        },
+    }

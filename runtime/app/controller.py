@@ -34,8 +34,7 @@ from twinscrew.runtime.safety.events import (
     POLICY_ERROR,
 )
 from twinscrew.runtime.safety.explain import assurance_manoeuvre, explain
-from twinscrew.runtime.safety.guard import NEUTRAL, Guard
-from twinscrew.runtime.safety.watchdog import Watchdog
+from twinscrew.runtime.safety.guard import NEUTRAL, Guard, Watchdog
 
 FAULTS = {kind.name for kind in (POLICY_ERROR, PERCEPTION_ERROR, GUARD_TRIPPED, INTERNAL_ERROR)}
 

@@ -25,7 +25,7 @@ from twinscrew.runtime.messages.types import (
     Tracks,
 )
 from twinscrew.runtime.perception.segmentation import Perception
-from twinscrew.runtime.policy.base import Policy
+from twinscrew.runtime.policy.load import Policy
 from twinscrew.runtime.policy.observation import ObservationSettings, observe
 from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.events import (

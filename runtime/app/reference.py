@@ -8,7 +8,7 @@ from __future__ import annotations
 import ast
 import inspect
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from enum import Enum
 from itertools import pairwise
 from typing import Any
@@ -16,18 +16,28 @@ from typing import Any
 import msgspec
 
 from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.app.hull_settings import hull_settings
 from twinscrew.runtime.settings import Settings
+from twinscrew.runtime.vessel_description import load_vessel
 
 WIDTH = 100
 HEAD = """\
 # Every setting of a vessel's runtime, with its default. A file needs only the keys that differ.
 # Frames: N is north-east-down, B forward-starboard-down. `twinscrew run --config FILE` uses it,
 # `twinscrew doctor --config FILE` checks it. Made from the source; do not edit by hand.
+# A key that is commented out and has a value follows `vessel`; the value is the default vessel's.
 """
 
 
-def as_toml(settings: Settings, path: tuple[str, ...] = ()) -> Iterator[str]:
-    """Give the lines of a TOML file with the settings' values and their docstrings as comments."""
+def as_toml(
+    settings: Settings,
+    path: tuple[str, ...] = (),
+    follows: Collection[tuple[str, ...]] = (),
+) -> Iterator[str]:
+    """Give the lines of a TOML file with the settings' values and their docstrings as comments.
+
+    Keys that follow something else are commented out.
+    """
     meanings = _docstrings(type(settings))
     groups = []
     for field in msgspec.structs.fields(settings):
@@ -38,13 +48,15 @@ def as_toml(settings: Settings, path: tuple[str, ...] = ()) -> Iterator[str]:
         yield from _comment(meanings.get(field.name, ""))
         if value is None:
             yield f"# {field.encode_name} ="
+        elif (*path, field.encode_name) in follows:
+            yield f"# {field.encode_name} = {_literal(value)}"
         else:
             yield f"{field.encode_name} = {_literal(value)}"
     for name, group in groups:
         yield ""
         yield f"[{'.'.join((*path, name))}]"
         yield from _comment(inspect.cleandoc(type(group).__doc__ or "").splitlines()[0])
-        yield from as_toml(group, (*path, name))
+        yield from as_toml(group, (*path, name), follows)
 
 
 def _docstrings(type_: type[Settings]) -> dict[str, str]:
@@ -89,7 +101,19 @@ def _literal(value: Any) -> str:
 
 def reference() -> str:
     """Give the whole of config/runtime.toml."""
-    return HEAD + "\n" + "\n".join(as_toml(RuntimeConfig())) + "\n"
+    hull = hull_settings(load_vessel("otter"))
+    del hull["estimation"]  # a sensor's place is given as a whole
+    follows = set(_paths(hull))
+    return HEAD + "\n" + "\n".join(as_toml(RuntimeConfig(), follows=follows)) + "\n"
+
+
+def _paths(tree: dict[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
+    """Give the dotted keys of a tree of tables."""
+    for key, value in tree.items():
+        if isinstance(value, dict):
+            yield from _paths(value, (*path, key))
+        else:
+            yield (*path, key)
 
 
 if __name__ == "__main__":

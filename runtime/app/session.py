@@ -26,7 +26,7 @@ from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import ConfigError, RecordingError
 from twinscrew.runtime.link.reopening import reopening
 from twinscrew.runtime.link.transport import await_transport
-from twinscrew.runtime.policy.base import Policy
+from twinscrew.runtime.policy.load import Policy
 from twinscrew.runtime.safety.events import FILES_APPROVED, PRIORITY_REFUSED
 
 INPUTS = ("points", "odometry", "goal", "route")

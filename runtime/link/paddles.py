@@ -1,15 +1,19 @@
-"""Thrust as an autopilot's paddles understand it: 1500 us is stop, both sides linear.
+"""Thrust as an autopilot's paddles understand it: 1500 us is stop, 1000 to 2000 us is all.
 
 Ahead and astern have scales of their own, because a propeller pushes less astern: 2000 us is the
-greatest thrust ahead (1000 N as published), 1000 us the greatest astern (500 N). One microsecond
-is then 2 N ahead and 1 N astern. The simulator turns servo outputs back with the same module.
+greatest thrust ahead (1000 N for the default vessel), 1000 us the greatest astern (500 N). One
+microsecond is then 2 N ahead and 1 N astern. Both sides are linear unless the vessel has a thrust
+curve. The simulator turns servo outputs back with the same module.
 """
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from twinscrew.runtime.settings import Positive, Settings
+from twinscrew.runtime.vessel_description import load_vessel
 
 STOP_US = 1500
 """[us] No thrust."""
@@ -22,24 +26,46 @@ STICK_SPAN = 1000
 class PaddleSettings(Settings, frozen=True):
     """What full paddle means: the vessel's thrust range, each propeller."""
 
-    ahead_N: Positive = 1000.0
-    """[N] Thrust at 2000 us (paper: range [-500, 1000] N)."""
-    astern_N: Positive = 500.0
-    """[N] Thrust astern at 1000 us, a positive number (paper: range [-500, 1000] N)."""
+    ahead_N: Positive = load_vessel().thrusters.max_n
+    """[N] Thrust at 2000 us."""
+    astern_N: Positive = -load_vessel().thrusters.min_n
+    """[N] Thrust astern at 1000 us, a positive number."""
+    curve: tuple[tuple[float, float], ...] = ()
+    """Thrust [N] over the paddle's position in [-1, 1], in rising order; empty: straight lines."""
 
 
 def fraction_from_thrust(thrust_N: float, scale: PaddleSettings) -> float:
     """Give the paddle's position in [-1, 1] for a thrust [N]; anything not finite is stop."""
     if not math.isfinite(thrust_N):
         return 0.0
+    if scale.curve:
+        return _from_curve(scale.curve, thrust_N)
     full = scale.ahead_N if thrust_N >= 0.0 else scale.astern_N
     return max(-1.0, min(1.0, thrust_N / full))
 
 
 def thrust_from_fraction(fraction: float, scale: PaddleSettings) -> float:
     """Give the thrust [N] of a paddle's position; beyond [-1, 1] is full."""
+    if scale.curve:
+        positions, thrusts = zip(*scale.curve, strict=True)
+        return float(np.interp(fraction, positions, thrusts))
     full = scale.ahead_N if fraction >= 0.0 else scale.astern_N
     return max(-1.0, min(1.0, fraction)) * full
+
+
+def _from_curve(curve: tuple[tuple[float, float], ...], thrust_N: float) -> float:
+    """Give the position nearest to stop that gives a thrust: a dead band is passed over."""
+    if thrust_N == 0.0:
+        return 0.0
+    sign = math.copysign(1.0, thrust_N)
+    branch = sorted((sign * at, sign * n) for at, n in curve if sign * at >= 0.0)
+    before = (0.0, 0.0)
+    for after in branch:
+        if after[1] >= abs(thrust_N):
+            share = (abs(thrust_N) - before[1]) / max(after[1] - before[1], 1e-12)
+            return sign * (before[0] + share * (after[0] - before[0]))
+        before = after
+    return sign
 
 
 def pwm_from_thrust(thrust_N: float, scale: PaddleSettings) -> int:

@@ -25,6 +25,7 @@ from twinscrew.runtime.messages.types import (
 )
 from twinscrew.runtime.perception.sensor import Sensor
 from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings
+from twinscrew.runtime.vessel_description import load_vessel
 
 SECTOR_RAD = math.radians(0.5)
 """[rad] Width of a sector of the outline, or of a column if that is wider."""
@@ -33,12 +34,12 @@ SECTOR_RAD = math.radians(0.5)
 class HullSettings(Settings, frozen=True, kw_only=True):
     """The own hull as seen from above, from the vessel's origin: echoes from it are no objects."""
 
-    aft_m: float = -2.9
-    """[m] The stern (WAM-V 16: engines end at -2.63)."""
-    fore_m: float = 2.7
-    """[m] The bow (WAM-V 16: floats end at 2.53)."""
-    half_width_m: Positive = 1.35
-    """[m] Half of the beam (WAM-V 16: floats end at 1.23)."""
+    aft_m: float = load_vessel().mask.aft_m
+    """[m] The stern."""
+    fore_m: float = load_vessel().mask.fore_m
+    """[m] The bow."""
+    half_width_m: Positive = load_vessel().mask.half_width_m
+    """[m] Half of the beam."""
 
     def __post_init__(self) -> None:
         """Refuse a hull that would mask nothing."""
@@ -49,8 +50,8 @@ class HullSettings(Settings, frozen=True, kw_only=True):
 class WaterSettings(Settings, frozen=True, kw_only=True):
     """Which echoes come from the water."""
 
-    surface_m: float = 0.11
-    """[m] Height of the surface over the vessel's origin, positive upwards (WAM-V 16 at rest)."""
+    surface_m: float = load_vessel().waterline_m
+    """[m] Height of the surface over the vessel's origin, positive upwards, at rest."""
     clearance_m: float = 0.1
     """[m] Echoes lower than this over the surface are water, however strong."""
     weak_clearance_m: float = 0.8

@@ -13,6 +13,7 @@ from msgspec import Meta
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
 from twinscrew.runtime.settings import Positive, Settings
+from twinscrew.runtime.vessel_description import load_vessel
 
 Text = Annotated[str, Meta(min_length=1)]
 
@@ -54,6 +55,9 @@ class PolicyMetadata(msgspec.Struct, frozen=True, kw_only=True):
     training_run: Text
     commit: Text
     created: Text
+    vessel: Text = load_vessel().name
+    """The vessel that it was trained for, by its description's name, or "any". Files that do not
+    tell are the default vessel's."""
 
 
 class PolicyExpectation(Settings, frozen=True, kw_only=True):
@@ -65,6 +69,8 @@ class PolicyExpectation(Settings, frozen=True, kw_only=True):
     """[N]"""
     perception_range_m: float | None = None
     """[m]"""
+    vessel: str | None = None
+    """The name in the vessel's description."""
 
 
 def read_metadata(properties: Mapping[str, str]) -> PolicyMetadata:
@@ -77,10 +83,12 @@ def read_metadata(properties: Mapping[str, str]) -> PolicyMetadata:
     """
     for key in PolicyMetadata.__struct_fields__:
         if key not in properties:
-            needed = ", ".join(PolicyMetadata.__struct_fields__)
+            if key in _OPTIONAL:
+                continue
+            needed = ", ".join(key for key in _TYPES if key not in _OPTIONAL)
             raise PolicyError(f"metadata {key!r} is missing; needed: {needed}")
         try:
-            _check_one(key, properties[key])
+            msgspec.convert(properties[key], _TYPES[key], strict=False)
         except msgspec.ValidationError as error:
             raise PolicyError(f"metadata {key!r}: {error}, got {properties[key]!r}") from error
     metadata = msgspec.convert(dict(properties), PolicyMetadata, strict=False)
@@ -100,17 +108,19 @@ def check_expectation(metadata: PolicyMetadata, expect: PolicyExpectation) -> No
     PolicyError
         Names the key, the policy's value and the vessel's.
     """
-    for key in expect.__struct_fields__:
+    if expect.vessel is not None and metadata.vessel not in (expect.vessel, "any"):
+        raise PolicyError(
+            f"trained for {metadata.vessel!r}; the vessel is {expect.vessel!r}: allowed are apf, "
+            "mpc, or a policy trained for it"
+        )
+    for key in ("thrust_min_n", "thrust_max_n", "perception_range_m"):
         needed, given = getattr(expect, key), getattr(metadata, key)
         if needed is not None and needed != given:
             raise PolicyError(f"metadata {key!r} is {given:g}; the vessel's is {needed:g}")
 
 
 _TYPES = {field.name: field.type for field in msgspec.structs.fields(PolicyMetadata)}
-
-
-def _check_one(key: str, value: str) -> None:
-    msgspec.convert(value, _TYPES[key], strict=False)
+_OPTIONAL = ("vessel",)
 
 
 def _check_inputs(text: str) -> None:

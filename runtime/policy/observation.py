@@ -19,6 +19,7 @@ from twinscrew.runtime.messages.types import (
     Tracks,
 )
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
+from twinscrew.runtime.vessel_description import load_vessel
 
 
 class ObservationSettings(Settings, frozen=True, kw_only=True):
@@ -29,8 +30,8 @@ class ObservationSettings(Settings, frozen=True, kw_only=True):
     goal_range_m: Positive = 55.0
     """[m] A goal farther away is shown at this distance, in its direction: 94 of 100 goals of the
     training were nearer, and beyond what was learnt policies no longer heed what is near."""
-    own_radius_m: NonNegative = 2.795
-    """[m] Radius of the own hull, half the diagonal of 5.0 m x 2.5 m (parameters.md, Vessel)."""
+    own_radius_m: NonNegative = load_vessel().radius_m
+    """[m] Radius of the own hull, half its diagonal."""
 
 
 DEFAULTS = ObservationSettings()

@@ -14,6 +14,7 @@ from msgspec import Meta
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float32
 from twinscrew.runtime.settings import NonNegative, Positive, Settings, convert
+from twinscrew.runtime.vessel_description import load_vessel
 
 Level = Annotated[float, Meta(gt=0.0, le=1.0)]
 
@@ -27,8 +28,8 @@ class RiskSettings(Settings, frozen=True):
     """[-] "adaptive": alpha where hulls touch."""
     distance_m: Positive = 10.0
     """[m] "adaptive": alpha is 1 where every gap is at least this; two vessel lengths."""
-    own_radius_m: NonNegative = 2.795
-    """[m] "adaptive": radius of the own hull, half the diagonal of 5.0 m x 2.5 m."""
+    own_radius_m: NonNegative = load_vessel().radius_m
+    """[m] "adaptive": radius of the own hull, half its diagonal."""
 
 
 def parse_risk(text: str | None) -> RiskSettings:

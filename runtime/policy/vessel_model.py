@@ -6,12 +6,13 @@ gravity at the origin and a diagonal M = M_RB + M_A = diag(m - Xudot, m - Yvdot,
 
     C(nu) nu = (-m22 v r,  m11 u r,  (m22 - m11) u v)      Fossen (2021), eqs. 3.63 and 6.54
     D(nu) nu = -(X_u + X_uu |u|, Y_v + Y_vv |v|, N_r + N_rr |r|) (.) nu
-    tau      = (T_left + T_right, 0, (T_left - T_right) width / 2)
+    tau      = (T_left + T_right, 0, (T_left - T_right) spacing / 2)
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -19,44 +20,52 @@ from msgspec import Meta
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64
-from twinscrew.runtime.settings import Positive, Settings
+from twinscrew.runtime.settings import Positive
+from twinscrew.runtime.vessel_description import PlaneModel, load_vessel
 
 Damping = Annotated[float, Meta(le=0.0)]
+_DEFAULT = load_vessel().plane
 
 
-class VesselParameters(Settings, frozen=True):
-    """The WAM-V 16 as in training (config/vessels/wam_v_3dof.toml); Fossen's signs."""
+class VesselParameters(PlaneModel, frozen=True):
+    """One vessel's numbers, with Fossen's signs; the defaults are the default vessel's.
 
-    mass_kg: Positive = 400.0
+    `length`, `width` are overall; the thrusters stand half of `thruster_spacing_m` (where there is
+    none: of the width) from the centre line.
+    """
+
+    mass_kg: Positive = _DEFAULT.mass_kg
     """[kg] Loaded."""
-    izz: Positive = 450.0
+    izz: Positive = _DEFAULT.izz
     """[kg m2] Moment of inertia in yaw."""
-    x_udot: float = 20.0
-    """[kg] Added mass in surge; the reference's value, though a positive one is unphysical."""
-    y_vdot: float = 0.0
+    x_udot: float = _DEFAULT.x_udot
+    """[kg] Added mass in surge, negative (the paper's is positive, which is unphysical)."""
+    y_vdot: float = _DEFAULT.y_vdot
     """[kg] Added mass in sway."""
-    n_rdot: float = -980.0
+    n_rdot: float = _DEFAULT.n_rdot
     """[kg m2] Added inertia in yaw."""
-    x_u: Damping = -100.0
+    x_u: Damping = _DEFAULT.x_u
     """[kg/s] Linear damping in surge."""
-    y_v: Damping = -100.0
+    y_v: Damping = _DEFAULT.y_v
     """[kg/s] Linear damping in sway."""
-    n_r: Damping = -980.0
+    n_r: Damping = _DEFAULT.n_r
     """[kg m2/s] Linear damping in yaw."""
-    x_uu: Damping = -150.0
+    x_uu: Damping = _DEFAULT.x_uu
     """[kg/m] Quadratic damping in surge."""
-    y_vv: Damping = -150.0
+    y_vv: Damping = _DEFAULT.y_vv
     """[kg/m] Quadratic damping in sway."""
-    n_rr: Damping = -950.0
+    n_rr: Damping = _DEFAULT.n_rr
     """[kg m2] Quadratic damping in yaw."""
-    length: Positive = 5.0
+    length: Positive = _DEFAULT.length
     """[m] Overall."""
-    width: Positive = 2.5
-    """[m] Overall; the thrusters stand at y = -width / 2 and +width / 2."""
-    thrust_min_n: float = -500.0
-    """[N] Of each thruster (paper, sec. III)."""
-    thrust_max_n: float = 1000.0
+    width: Positive = _DEFAULT.width
+    """[m] Overall."""
+    thrust_min_n: float = _DEFAULT.thrust_min_n
     """[N] Of each thruster."""
+    thrust_max_n: float = _DEFAULT.thrust_max_n
+    """[N] Of each thruster."""
+    thruster_spacing_m: Positive | None = _DEFAULT.thruster_spacing_m
+    """[m] Between the thrusters; None: the width."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot float: an inertia that is not positive, an empty range of thrust."""
@@ -92,11 +101,11 @@ class VesselParameters(Settings, frozen=True):
     @property
     def lever(self) -> float:
         """[m] From the centre line to a thruster."""
-        return self.width / 2
+        return (self.thruster_spacing_m or self.width) / 2
 
     @property
     def radius(self) -> float:
-        """[m] Of the circle that holds the vessel: 2.795 m for a WAM-V 16."""
+        """[m] Of the circle that holds the vessel."""
         return math.hypot(self.length, self.width) / 2
 
     @property
@@ -105,6 +114,13 @@ class VesselParameters(Settings, frozen=True):
         force, linear, quadratic = 2 * self.thrust_max_n, -self.x_u, -self.x_uu
         drag = linear + math.sqrt(linear**2 + 4 * quadratic * force)
         return 2 * force / drag if drag else math.inf
+
+    @property
+    def turn_rate(self) -> float:
+        """[rad/s] On the spot, one propeller full ahead and the other full astern."""
+        moment = (self.thrust_max_n - self.thrust_min_n) * self.lever
+        drag = -self.n_r + math.sqrt(self.n_r**2 - 4 * self.n_rr * moment)
+        return 2 * moment / drag if drag else math.inf
 
 
 class VesselModel:
@@ -191,3 +207,98 @@ class VesselModel:
 
 _FIRST = np.array([1, 0, 0])
 _SECOND = np.array([2, 2, 1])
+
+
+# -- What the vessel would do: the paper's 25 actions, simulated at once from the present state.
+
+LEVELS = (-1000.0, -500.0, 0.0, 500.0, 1000.0)
+"""[N/s] The action set A of each propeller (paper, sec. V-B)."""
+
+
+def action_set() -> Float64:
+    """Give the 25 actions, (25, 2) [N/s], the gentlest first: it wins where costs are equal."""
+    left, right = np.meshgrid(LEVELS, LEVELS, indexing="ij")
+    actions = np.column_stack([left.ravel(), right.ravel()])
+    return actions[np.argsort(np.abs(actions).sum(axis=1), kind="stable")]
+
+
+@dataclass(frozen=True, slots=True)
+class Rollout:
+    """K actions, each held for T control steps, in the present frame B."""
+
+    pose: Float64
+    """(T, K, 3) x, y [m], heading [rad] relative to now, at the end of each step."""
+    nu: Float64
+    """(T, K, 3) Surge, sway [m/s], yaw rate [rad/s] in the vessel's frame then."""
+    thrust: Float64
+    """(T, K, 2) [N] Left, right, during each step."""
+
+    @property
+    def velocity(self) -> Float64:
+        """[m/s] (T, K, 2) Velocities in the present frame B."""
+        cosine, sine = np.cos(self.pose[..., 2]), np.sin(self.pose[..., 2])
+        surge, sway = self.nu[..., 0], self.nu[..., 1]
+        return np.stack([cosine * surge - sine * sway, sine * surge + cosine * sway], axis=-1)
+
+
+def rollout(
+    model: VesselModel, ego: Float64, actions: Float64, *, steps: int, step_s: float, dt: float
+) -> Rollout:
+    """Simulate actions that are repeated every control step.
+
+    Parameters
+    ----------
+    model
+        The vessel.
+    ego : (7,) float
+        The ego state of an `Observation`.
+    actions : (K, 2) float64
+        Thrust rates [N/s].
+    steps : int
+        Number of control steps T.
+    step_s : float
+        Length of a control step [s].
+    dt : float
+        Longest time step of the integration [s].
+    """
+    count, substeps = len(actions), max(1, int(np.ceil(step_s / dt - 1e-9)))
+    pose, nu = np.zeros((count, 3)), np.tile(np.asarray(ego[2:5], dtype=np.float64), (count, 1))
+    thrust = np.tile(np.asarray(ego[5:7], dtype=np.float64), (count, 1))
+    poses, nus = np.empty((steps, count, 3)), np.empty((steps, count, 3))
+    thrusts = np.empty((steps, count, 2))
+    for step in range(steps):
+        thrust = model.apply(thrust, actions, step_s)
+        for _ in range(substeps):
+            pose, nu = model.step(pose, nu, thrust, step_s / substeps)
+        poses[step], nus[step], thrusts[step] = pose, nu, thrust
+    return Rollout(pose=poses, nu=nus, thrust=thrusts)
+
+
+def alignment(heading: Float64, velocity: Float64, direction: Float64) -> tuple[Float64, Float64]:
+    """Give how far headings are off a direction, and the speed made good along it.
+
+    Parameters
+    ----------
+    heading : (...) float64
+        [rad]
+    velocity : (..., 2) float64
+        [m/s] In the frame of the direction.
+    direction : (..., 2) float64
+        Of any length; straight ahead where it is zero.
+
+    Returns
+    -------
+    angle : (...) float64
+        [rad] In [0, pi].
+    speed : (...) float64
+        [m/s]
+    """
+    length = np.hypot(direction[..., 0], direction[..., 1])[..., None]
+    unit = np.where(length > 0.0, direction / np.where(length > 0.0, length, 1.0), _AHEAD)
+    difference = heading - np.arctan2(unit[..., 1], unit[..., 0])
+    angle: Float64 = np.abs(np.remainder(difference + np.pi, 2 * np.pi) - np.pi)
+    speed: Float64 = (velocity * unit).sum(axis=-1)
+    return angle, speed
+
+
+_AHEAD = np.array([1.0, 0.0])

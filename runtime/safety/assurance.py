@@ -1,15 +1,15 @@
 """Runtime assurance: a command that leads to contact gives way to a manoeuvre that does not.
 
 It knows nothing of the policy, and trusts nothing but the tracks and a simple model of the vessel.
-Sailing on as commanded is refused only when both hold: it leads to contact within the horizon, and
-a moment later no manoeuvre would avoid that contact any more. So the policy has all the time there
-is to find its own way, and the manoeuvre still begins in time. Derivation and figures:
-docs/assurance.md.
+A command is refused only when both hold: it leads to contact within the horizon, and a moment later
+no manoeuvre would avoid that contact any more. So the policy has all the time there is to find its
+own way, and the manoeuvre still begins in time. Derivation and figures: docs/assurance.md.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,23 +22,60 @@ from twinscrew.runtime.messages.types import (
     Tracks,
 )
 from twinscrew.runtime.policy.observation import levelled_twist
-from twinscrew.runtime.safety.assurance_contact import (
-    Circles,
-    Contact,
-    surroundings,
-)
-from twinscrew.runtime.safety.assurance_disturbance import DisturbanceObserver
-from twinscrew.runtime.safety.assurance_foresight import Foresight
-from twinscrew.runtime.safety.assurance_manoeuvres import Manoeuvre, held, later, ways_out
-from twinscrew.runtime.safety.assurance_vessel import (
+from twinscrew.runtime.safety.events import ASSURANCE_INTERVENED, ASSURANCE_RELEASED
+from twinscrew.runtime.safety.guard import ThrustLimits
+from twinscrew.runtime.safety.prediction import (
     AssuranceVessel,
+    Contact,
+    DisturbanceObserver,
+    Foresight,
     Motion,
     Thrust,
     slewed,
+    surroundings,
 )
-from twinscrew.runtime.safety.events import ASSURANCE_INTERVENED, ASSURANCE_RELEASED
-from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
+
+
+@dataclass(frozen=True, slots=True)
+class Manoeuvre:
+    """What the vessel can do instead of what was commanded."""
+
+    name: str
+    law: Law
+
+
+def manoeuvres(
+    limits: ThrustLimits, *, brake_nspm: float, turn_n: float, to_starboard: bool
+) -> tuple[Manoeuvre, ...]:
+    """Give the manoeuvres in the order in which they are tried.
+
+    Parameters
+    ----------
+    limits
+        What a propeller can do.
+    brake_nspm : float
+        Thrust against each metre a second of surge [N s/m].
+    turn_n : float
+        By how much braking and turning differs between the propellers and the mean [N].
+    to_starboard : bool
+        Whether contact threatens on the starboard side.
+    """
+    ahead, astern = limits.max_n, limits.min_n
+    away = (astern, ahead) if to_starboard else (ahead, astern)
+    return (
+        Manoeuvre("brake", braking(brake_nspm, 0.0, limits)),
+        Manoeuvre("turn away", Law(away)),
+        Manoeuvre("brake and turn to starboard", braking(brake_nspm, turn_n, limits)),
+        Manoeuvre("full astern", Law((astern, astern))),
+        Manoeuvre("full ahead", Law((ahead, ahead))),
+    )
+
+
+def braking(gain_nspm: float, turn_n: float, limits: ThrustLimits) -> Law:
+    """Thrust against the speed until it is gone, and meanwhile turn to starboard by `turn_n`."""
+    return Law((turn_n, -turn_n), gain_nspm, limits.min_n, limits.max_n)
+
 
 Judge = Callable[[Thrust, Law], Contact]
 """What a law of the propellers leads to, from this thrust on."""
@@ -106,7 +143,15 @@ class Assurance:
             time_constant_s=self.settings.disturbance_time_s,
             limit_n=self.settings.disturbance_limit_n,
         )
-        self._ways_out = {side: self._make_ways_out(side) for side in (False, True)}
+        self._manoeuvres = {
+            side: manoeuvres(
+                self.limits,
+                brake_nspm=self.settings.brake_nspm,
+                turn_n=self.settings.turn_n,
+                to_starboard=side,
+            )
+            for side in (False, True)
+        }
         way_m = horizon * vessel.top_speed_mps(self.limits.max_n)
         self._reach_m = way_m + vessel.extent_m + self.settings.margin_m
         self.reset()
@@ -138,7 +183,7 @@ class Assurance:
         command : (2,) float64
             What they are to give from now on.
         decided : bool
-            Whether the command is news of the policy. A manoeuvre goes on until there is.
+            Whether the policy has just decided. A manoeuvre goes on until it has.
 
         Returns
         -------
@@ -155,14 +200,23 @@ class Assurance:
         motion = Motion(*levelled_twist(odometry).tolist())
         given, wanted = _pair(previous), _pair(command)
         push = self._disturbance.step(odometry.stamp_ns, motion, odometry.heading, given)
-        circles = self._around(odometry, tracks)
+        settings = self.settings
+        circles = surroundings(
+            odometry,
+            tracks,
+            reach_m=self._reach_m,
+            horizon_s=(settings.horizon_s, min(settings.moving_horizon_s, settings.horizon_s)),
+            least_radius_m=settings.least_radius_m,
+            clearance_m=settings.clearance_m,
+            static_mps=settings.static_mps,
+        )
         if not circles.id:
             return command, self._release(stamp_ns)
 
         def judge(thrust: Thrust, law: Law) -> Contact:
             return self._foresight.judge(motion, thrust, law, circles, push)
 
-        danger = judge(wanted, held(wanted))
+        danger = judge(wanted, Law(wanted))
         resumes = self._begun is not None and not decided
         if not resumes and self._may_pass(wanted, danger, judge):
             return command, self._release(stamp_ns)
@@ -178,46 +232,23 @@ class Assurance:
         self._last_ns = stamp_ns
         return min(max((stamp_ns - last_ns) / NANOSECONDS_PER_SECOND, 0.0), 1.0)
 
-    def _around(self, odometry: Odometry, tracks: Tracks) -> Circles:
-        settings = self.settings
-        return surroundings(
-            odometry,
-            tracks,
-            reach_m=self._reach_m,
-            horizon_s=(settings.horizon_s, min(settings.moving_horizon_s, settings.horizon_s)),
-            least_radius_m=settings.least_radius_m,
-            clearance_m=settings.clearance_m,
-            static_mps=settings.static_mps,
-        )
-
     def _may_pass(self, command: Thrust, danger: Contact, judge: Judge) -> bool:
-        """Tell whether the command avoids contact, or can be followed until a later way out."""
+        """Tell whether the command avoids contact, or leaves time for a manoeuvre."""
         tolerance = self.settings.tolerance_mps
         return danger.harm <= tolerance or any(
-            judge(command, self._after_wait(command, way.law)).harm <= tolerance
-            for way in self._ways_out[danger.to_starboard]
+            judge(command, way.law.after(command, self.settings.wait_s)).harm <= tolerance
+            for way in self._manoeuvres[danger.to_starboard]
         )
 
-    def _after_wait(self, command: Thrust, law: Law) -> Law:
-        return later(self.settings.wait_s, command, law)
-
     def _best(self, given: Thrust, danger: Contact, judge: Judge) -> tuple[Manoeuvre, Contact]:
-        """Give the first way out without contact, or else the gentlest, and what it leads to."""
+        """Give the first manoeuvre without contact, or else the gentlest, and what it leads to."""
         judged = []
-        for way in self._ways_out[danger.to_starboard]:
+        for way in self._manoeuvres[danger.to_starboard]:
             rest = judge(given, way.law)
             if rest.harm <= self.settings.tolerance_mps:
                 return way, rest
             judged.append((way, rest))
         return min(judged, key=lambda pair: pair[1].harm)
-
-    def _make_ways_out(self, to_starboard: bool) -> tuple[Manoeuvre, ...]:
-        return ways_out(
-            self.limits,
-            brake_nspm=self.settings.brake_nspm,
-            turn_n=self.settings.turn_n,
-            to_starboard=to_starboard,
-        )
 
     def _intervene(self, stamp_ns: int, manoeuvre: str, danger: Contact) -> tuple[HealthEvent, ...]:
         if self._begun == manoeuvre:

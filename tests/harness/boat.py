@@ -31,7 +31,7 @@ from twinscrew.runtime.messages.types import (
 )
 from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
-from twinscrew.runtime.policy.base import Policy
+from twinscrew.runtime.policy.load import Policy
 from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.guard import Guard
 from twinscrew.runtime.tracking.tracker import Tracker

@@ -32,7 +32,13 @@ def test_it_carries_the_runtime_and_its_configuration_and_nothing_else(wheel):
     inside = {name.split("/")[1] for name in names if name.startswith("twinscrew/")}
     assert inside == {"runtime", "config"}
     assert any(name.startswith("twinscrew/runtime/_native.") for name in names)
-    for needed in ("runtime.toml", "policies/ac_iqn.onnx", "policies/ac_iqn.json"):
+    policies = (
+        "policies/ac_iqn.onnx",
+        "policies/ac_iqn.json",
+        "policies/apf.toml",
+        "policies/mpc.toml",
+    )
+    for needed in ("runtime.toml", *policies, "vessels/wam_v.toml", "vessels/otter.toml"):
         assert f"twinscrew/config/{needed}" in names
     for left_out in ("config/training", "config/scenarios", "runtime/native"):
         assert not [name for name in names if name.startswith(f"twinscrew/{left_out}/")]

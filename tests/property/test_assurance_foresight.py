@@ -9,11 +9,9 @@ from hypothesis import strategies as st
 from tests.reference.assurance import predict, worst_contact
 
 from twinscrew.runtime._native import Law
-from twinscrew.runtime.safety.assurance_contact import Circles
-from twinscrew.runtime.safety.assurance_foresight import Foresight
-from twinscrew.runtime.safety.assurance_manoeuvres import braking, held, later, ways_out
-from twinscrew.runtime.safety.assurance_vessel import STILL, AssuranceVessel, Motion
+from twinscrew.runtime.safety.assurance import braking, manoeuvres
 from twinscrew.runtime.safety.guard import ThrustLimits
+from twinscrew.runtime.safety.prediction import STILL, AssuranceVessel, Circles, Foresight, Motion
 
 STEPS, DT, SLEW, MARGIN, APPROACH = 40, 0.1, 1000.0, 0.8, 0.7
 LIMITS = ThrustLimits()
@@ -26,22 +24,22 @@ vessels = st.builds(lambda hull: AssuranceVessel(hull=hull), st.sampled_from(HUL
 
 
 def way_out(index: int) -> Law:
-    ways = ways_out(LIMITS, brake_nspm=500.0, turn_n=500.0, to_starboard=True)
+    ways = manoeuvres(LIMITS, brake_nspm=500.0, turn_n=500.0, to_starboard=True)
     return ways[index].law
 
 
 # Recipes, not laws: strategies and examples live until the interpreter ends, and a native object
 # that lives as long is reported as leaked.
-manoeuvres = st.builds(partial, st.just(way_out), st.integers(0, 4))
+ways_out = st.builds(partial, st.just(way_out), st.integers(0, 4))
 recipes = st.one_of(
-    st.builds(partial, st.just(held), thrusts),
-    manoeuvres,
+    st.builds(partial, st.just(Law), thrusts),
+    ways_out,
     st.builds(lambda turn: partial(braking, 500.0, turn, LIMITS), st.floats(-500.0, 500.0)),
     st.builds(
-        lambda wait_s, command, recipe: lambda: later(wait_s, command, recipe()),
+        lambda wait_s, command, recipe: lambda: recipe().after(command, wait_s),
         st.floats(0.0, 1.0),
         thrusts,
-        manoeuvres,
+        ways_out,
     ),
 )
 
@@ -78,7 +76,7 @@ def test_the_path_is_the_plain_ones(vessel, motion, thrust, recipe, push):
 
 @given(vessels, motions, thrusts, recipes, pushes, st.integers(0, 1 << 20), st.integers(1, 12))
 @example(
-    AssuranceVessel(), Motion(3.0, 0.0, 0.0), (1e3, 1e3), partial(held, (1e3, 1e3)), STILL, 3, 12
+    AssuranceVessel(), Motion(3.0, 0.0, 0.0), (1e3, 1e3), partial(Law, (1e3, 1e3)), STILL, 3, 12
 )
 def test_the_contact_is_the_plain_ones(vessel, motion, thrust, recipe, push, seed, count):
     law = recipe()
@@ -102,4 +100,4 @@ def test_arrays_that_disagree_are_refused(wrong):
     short = replace(around, **{wrong: getattr(around, wrong)[:-1].copy()})
     judge = foresight(AssuranceVessel()).judge
     with pytest.raises(ValueError, match="of every circle"):
-        judge(Motion(0.0, 0.0, 0.0), (0.0, 0.0), held((0.0, 0.0)), short)
+        judge(Motion(0.0, 0.0, 0.0), (0.0, 0.0), Law((0.0, 0.0)), short)

@@ -16,8 +16,7 @@ from twinscrew.runtime.bus.memory import MemoryBus
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import CORE_INPUTS
 from twinscrew.runtime.messages.types import Decision, Engagement, Goal
-from twinscrew.runtime.policy.base import Policy
-from twinscrew.runtime.policy.load import load_policy
+from twinscrew.runtime.policy.load import Policy, load_policy
 
 
 @functools.cache

@@ -1,20 +1,20 @@
 """What must hold for every vessel, state and sea: parity, symmetries, conservation, convergence."""
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from msgspec.structs import replace
 from tests.reference import energy, vessel_step
 from tests.reference.sailing import NO_WAVES, calm, paper_sea, sail
 
 from twinscrew.hil_sim.sea.sea import Sea, SeaSettings, WaveSettings, WindSettings
 from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, VesselDynamics
-from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.hil_sim.vessel.rest import at_rest
 from twinscrew.hil_sim.vessel.state import VesselState
+from twinscrew.runtime.vessel_description import load_vessel
 
 WAM_V = load_vessel()
 DYNAMICS = VesselDynamics(WAM_V)

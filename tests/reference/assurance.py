@@ -12,10 +12,12 @@ from collections.abc import Callable
 import numpy as np
 
 from twinscrew.runtime.messages.types import Float64
-from twinscrew.runtime.safety.assurance_contact import NO_CONTACT, Circles, Contact
-from twinscrew.runtime.safety.assurance_vessel import (
+from twinscrew.runtime.safety.prediction import (
+    NO_CONTACT,
     STILL,
     AssuranceVessel,
+    Circles,
+    Contact,
     Motion,
     Push,
     Thrust,

@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 from tests.reference.vessel_step import rotation
 
-from twinscrew.hil_sim.vessel.inertia import join
-from twinscrew.hil_sim.vessel.parameters import VesselParameters
+from twinscrew.hil_sim.vessel.dynamics import join
 from twinscrew.hil_sim.vessel.state import VesselState
+from twinscrew.runtime.vessel_description import VesselDescription
 
 Array = NDArray[np.float64]
 
 
-def mass_matrix(vessel: VesselParameters) -> Array:
+def mass_matrix(vessel: VesselDescription) -> Array:
     return join(vessel.parts).mass_matrix() + np.diag(vessel.added_mass)
 
 
@@ -21,7 +21,7 @@ def twist(state: VesselState) -> Array:
     return np.concatenate([state.velocity_B, state.rates_B], axis=1)
 
 
-def kinetic(vessel: VesselParameters, state: VesselState) -> Array:
+def kinetic(vessel: VesselDescription, state: VesselState) -> Array:
     nu = twist(state)
     return 0.5 * np.einsum("vi,ij,vj->v", nu, mass_matrix(vessel), nu)
 
@@ -33,7 +33,7 @@ def segment_volume(radius: float, height: Array) -> Array:
     return radius**2 * (half_chord - c * np.arccos(c / radius)) - half_chord**3 / 3
 
 
-def potential(vessel: VesselParameters, state: VesselState) -> Array:
+def potential(vessel: VesselDescription, state: VesselState) -> Array:
     """Of weight, and of hulls pushed into still water, [J]."""
     b, body = vessel.buoyancy, join(vessel.parts)
     R = rotation(state.q_NB)
@@ -46,7 +46,7 @@ def potential(vessel: VesselParameters, state: VesselState) -> Array:
     return scale * volume.sum(axis=1) - body.mass * b.gravity_mps2 * centre_down
 
 
-def momentum(vessel: VesselParameters, state: VesselState) -> tuple[Array, Array]:
+def momentum(vessel: VesselDescription, state: VesselState) -> tuple[Array, Array]:
     """Linear and angular momentum about N's origin, (V, 3) each, in N."""
     both = twist(state) @ mass_matrix(vessel).T
     R = rotation(state.q_NB)

@@ -14,9 +14,9 @@ from tests.reference.sailing import calm, euler, paper_sea, sail, series, windy
 
 from twinscrew.hil_sim.sea.sea import Sea, SeaSettings, WindSettings
 from twinscrew.hil_sim.vessel.dynamics import VesselDynamics, as_vrx
-from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.hil_sim.vessel.rest import at_rest, equilibrium
 from twinscrew.hil_sim.vessel.state import VesselState
+from twinscrew.runtime.vessel_description import load_vessel
 
 OURS = VesselDynamics(load_vessel())
 VRX = VesselDynamics(load_vessel(), as_vrx())

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
-from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from twinscrew.hil_sim.sea.sea import Sea, SeaSettings, WaveSettings, WindSettings
 from twinscrew.hil_sim.vessel.dynamics import VesselDynamics
-from twinscrew.hil_sim.vessel.parameters import Part, VesselParameters, load_vessel
 from twinscrew.hil_sim.vessel.state import VesselState
+from twinscrew.runtime.vessel_description import Part, VesselDescription, load_vessel
 
 Array = NDArray[np.float64]
 
@@ -33,15 +33,13 @@ def paper_sea() -> Sea:
     return Sea(SeaSettings(), np.random.default_rng(0))
 
 
-def centred_vessel() -> VesselParameters:
+def centred_vessel() -> VesselDescription:
     """A vessel whose motions do not couple: weight, lift and thrust act through base_link."""
     p = load_vessel()
-    part = Part(
-        name="all", mass_kg=280.0, position_flu_m=(0, 0, 0), inertia_kgm2=(280.0, 650.0, 700.0)
-    )
-    points = ((1.0, 1.03, 0), (-1.0, 1.03, 0), (1.0, -1.03, 0), (-1.0, -1.03, 0))
-    thrusters = replace(p.thrusters, left_flu_m=(-2.5, 1.0, 0), right_flu_m=(-2.5, -1.0, 0))
-    buoyancy = replace(p.buoyancy, points_flu_m=points)
+    part = Part(name="all", mass_kg=280.0, position_m=(0, 0, 0), inertia_kgm2=(280.0, 650.0, 700.0))
+    points = np.array([[1.0, -1.03, 0], [-1.0, -1.03, 0], [1.0, 1.03, 0], [-1.0, 1.03, 0]])
+    thrusters = replace(p.thrusters, positions_B=np.array([[-2.5, -1.0, 0], [-2.5, 1.0, 0]]))
+    buoyancy = replace(p.buoyancy, points_B=points)
     windage = replace(p.windage, along=0.0, across=0.0, yaw=0.0)
     return replace(p, parts=(part,), buoyancy=buoyancy, thrusters=thrusters, windage=windage)
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twinscrew.hil_sim.sea.sea import Sea
-from twinscrew.hil_sim.vessel.inertia import join
-from twinscrew.hil_sim.vessel.parameters import VesselParameters
+from twinscrew.hil_sim.vessel.dynamics import join
 from twinscrew.hil_sim.vessel.state import VesselState
+from twinscrew.runtime.vessel_description import VesselDescription
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def coriolis(M: Array, nu: Array) -> Array:
     return np.concatenate([np.cross(w, p), np.cross(v, p) + np.cross(w, L)], -1)
 
 
-def damping(parameters: VesselParameters, nu_r: Array) -> Array:
+def damping(parameters: VesselDescription, nu_r: Array) -> Array:
     """Give D(nu_r) nu_r, (V, 6). Fossen (2021), chapter 6; diagonal."""
     linear, quadratic = np.array(parameters.linear_drag), np.array(parameters.quadratic_drag)
     return (linear + quadratic * np.abs(nu_r)) * nu_r
@@ -56,7 +56,7 @@ def segment_area(radius: float, height: Array) -> Array:
     return radius**2 * np.arccos(rest / radius) - rest * np.sqrt(radius**2 - rest**2)
 
 
-def lift(parameters: VesselParameters, position_N: Array, R: Array, sea: Sea, t: float) -> Array:
+def lift(parameters: VesselDescription, position_N: Array, R: Array, sea: Sea, t: float) -> Array:
     """Give the hulls' buoyancy, (V, 6), at the wave surface. VRX 2.3.2."""
     b = parameters.buoyancy
     p_N = position_N[:, None, :] + np.einsum("vij,pj->vpi", R, b.points_B)
@@ -68,7 +68,7 @@ def lift(parameters: VesselParameters, position_N: Array, R: Array, sea: Sea, t:
     return wrench(force_B, b.points_B).sum(axis=1)
 
 
-def air(parameters: VesselParameters, R: Array, wind_N: Array, world_frame: bool) -> Array:
+def air(parameters: VesselDescription, R: Array, wind_N: Array, world_frame: bool) -> Array:
     """Give the force of the air, (V, 6), that moves by wind_N, (V, 3), relative to the vessel.
 
     Fossen (2021), chapter 10, in the form of VRX; `world_frame` is VRX's own use of it, in which
@@ -89,7 +89,7 @@ def air(parameters: VesselParameters, R: Array, wind_N: Array, world_frame: bool
     return np.stack([*force, zero, zero, -2.0 * w.yaw * u * v], -1)
 
 
-def push(parameters: VesselParameters, thrust: Array) -> Array:
+def push(parameters: VesselDescription, thrust: Array) -> Array:
     """Give the propellers' force, (V, 6), along the hull."""
     force = np.zeros((*thrust.shape, 3))
     force[..., 0] = thrust
@@ -97,7 +97,7 @@ def push(parameters: VesselParameters, thrust: Array) -> Array:
 
 
 def acceleration(
-    parameters: VesselParameters, state: VesselState, sea: Sea, t: float, world_frame: bool
+    parameters: VesselDescription, state: VesselState, sea: Sea, t: float, world_frame: bool
 ) -> Array:
     """Give nu', (V, 6) [m/s2, rad/s2], in B."""
     body = join(parameters.parts)
@@ -135,7 +135,7 @@ def lagged(thrust: Array, command: Array, lag_s: float, dt: float) -> Array:
 
 
 def step(
-    parameters: VesselParameters,
+    parameters: VesselDescription,
     state: VesselState,
     command: Array,
     sea: Sea,

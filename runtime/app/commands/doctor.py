@@ -21,6 +21,9 @@ def doctor(
     config: Annotated[
         Path | None, typer.Option(help="The vessel's TOML file; the defaults without it.")
     ] = None,
+    vessel: Annotated[
+        str | None, typer.Option(help="The vessel: a name in config/vessels, or a file.")
+    ] = None,
     manifest: Annotated[
         Path | None, typer.Option(help="The manifest that `run` is given, with --config.")
     ] = None,
@@ -41,11 +44,16 @@ def doctor(
     """Check this machine and this installation, line by line; exit status 1 if a line says FAIL."""
     from twinscrew.runtime.app.checks import examine
     from twinscrew.runtime.app.checks_files import Sources
-    from twinscrew.runtime.app.config import RuntimeConfig, load_config
+    from twinscrew.runtime.app.config import config_for, load_config
     from twinscrew.runtime.app.finding import Verdict
     from twinscrew.runtime.errors import ConfigError
+    from twinscrew.runtime.vessel_description import DEFAULT
 
-    settings = load_config(config) if config is not None else _at_home(RuntimeConfig())
+    settings = (
+        load_config(config, vessel)
+        if config is not None
+        else _at_home(config_for(vessel or DEFAULT))
+    )
     folder = Path(settings.recording.folder or "runs")
     sources = None if config is None else Sources(config, manifest, public_key)
     findings = examine(settings, folder, sources)

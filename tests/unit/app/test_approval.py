@@ -56,9 +56,9 @@ def test_approved_files_are_read_and_the_approval_says_whose_word_it_is(dock: Do
     approved = load_approved(dock.config, dock.manifest, dock.public_key)
     assert approved.config == load_config(dock.config)
     assert approved.approval is not None
-    assert approved.approval.files == 5
+    assert approved.approval.files == 6
     words = str(approved.approval)
-    assert words.startswith("5 files as in the manifest ")
+    assert words.startswith("6 files as in the manifest ")
     assert words.endswith(f", signed with {SECRET.public.name} (sea trial)")
 
 

@@ -9,13 +9,12 @@ from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.shapes import load_shape
 from twinscrew.hil_sim.soak.limits import load_soak
-from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.runtime.app.config import RuntimeConfig, load_config
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.load import load_policy
-from twinscrew.runtime.policy.vessel_model import VesselParameters
 from twinscrew.runtime.settings import CONFIG_DIR, load
+from twinscrew.runtime.vessel_description import load_vessel
 from twinscrew.training.settings_table import six_settings
 from twinscrew.training.train_settings import load_training
 
@@ -27,13 +26,12 @@ READERS = {
     "scenarios/*": load_scenario,
     "training/*": load_training,
     "training/ablation/*": load_training,
-    "vessels/*_shape.toml": load_shape,
-    "vessels/wam_v_3dof.toml": lambda path: load(path, VesselParameters),
+    "shapes/*": load_shape,
     "vessels/*": load_vessel,
     "experiments/settings.toml": lambda path: six_settings(),
     "experiments/training_vessel.toml": load_vessel,
-    "experiments/apf.toml": lambda path: load_policy("apf"),
-    "experiments/mpc.toml": lambda path: load_policy("mpc"),
+    "policies/apf.toml": lambda path: load_policy("apf"),
+    "policies/mpc.toml": lambda path: load_policy("mpc"),
     "experiments/*": load_sets,
     "faults/*": load_plan,
     "soak.toml": lambda path: load_soak(),
@@ -74,7 +72,7 @@ def test_a_file_says_only_what_differs(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('nmae = "boat7"', ["nmae", "unknown key", "name, sensor"]),
+        ('nmae = "boat7"', ["nmae", "unknown key", "name, vessel, sensor"]),
         ("[mission]\ngoal_radius_m = 0", ["mission.goal_radius_m", "> 0", "got 0"]),
         ("[mission]\nwaypoint_m = []", ["mission.waypoint_m", "unknown key", "waypoints_m"]),
         ("[tracking]\nspeed = 1", ["tracking.speed", "unknown key"]),

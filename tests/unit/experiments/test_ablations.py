@@ -16,10 +16,9 @@ from twinscrew.hil_sim.experiments.plan import (
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
 from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, VesselDynamics, as_vrx
-from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.hil_sim.vessel.rest import at_rest, still_water
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.safety.assurance import AssuranceSettings
+from twinscrew.runtime.vessel_description import load_vessel
 
 
 def test_switches_are_read_with_commas_and_each_counts_once() -> None:
@@ -71,9 +70,8 @@ def test_goals_and_arrivals_are_as_the_switches_say() -> None:
     scenario = load_scenario("head_on")
     assert eased(scenario, ()).goal_radius == 2.0
     assert eased(scenario, ("goal_4m",)).goal_radius == 4.0
-    on = AssuranceSettings(enabled=True)
-    assert unassured(on, ()) == on
-    assert not unassured(on, ("no_assurance",)).enabled
+    assert unassured(()) == {}
+    assert unassured(("no_assurance",)) == {"enabled": False}
     assert supervision(()).after_goal == "hold"
     assert supervision(("vanish",)).after_goal == "vanish"
 
@@ -85,7 +83,7 @@ def test_physics_are_ours_or_vrxs() -> None:
 
 
 def test_the_training_vessel_is_as_fast_ahead_as_trainings_and_floats_level() -> None:
-    dynamics = VesselDynamics(load_vessel(vessel_of(("training_vessel",))))
+    dynamics = VesselDynamics(vessel_of(("training_vessel",), load_vessel()))
     water, dt = still_water(), 0.01
     state = at_rest(dynamics, np.zeros((1, 2)), np.zeros(1))
     assert abs(2.0 * state.q_NB[0, 2]) < np.radians(1.0)
@@ -97,7 +95,7 @@ def test_the_training_vessel_is_as_fast_ahead_as_trainings_and_floats_level() ->
 
 
 def test_the_training_vessel_turns_on_the_spot_as_fast_as_trainings() -> None:
-    dynamics = VesselDynamics(load_vessel(vessel_of(("training_vessel",))))
+    dynamics = VesselDynamics(vessel_of(("training_vessel",), load_vessel()))
     water, dt = still_water(), 0.01
     state = at_rest(dynamics, np.zeros((1, 2)), np.zeros(1))
     for k in range(3000):

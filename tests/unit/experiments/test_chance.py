@@ -4,7 +4,7 @@ import numpy as np
 
 from twinscrew.hil_sim.experiments.chance import RandomPolicy
 from twinscrew.runtime.messages.types import Observation
-from twinscrew.runtime.policy.base import Policy
+from twinscrew.runtime.policy.load import Policy
 
 SEEN = Observation(
     ego=np.zeros(7, np.float32), objects=np.zeros((5, 5), np.float32), mask=np.zeros(5, np.float32)

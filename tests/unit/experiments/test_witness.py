@@ -5,9 +5,9 @@ from twinscrew.hil_sim.experiments.episode import WitnessAssurance, WitnessWorld
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings, WaveSettings, WindSettings
 from twinscrew.hil_sim.supervisor import Outcome, Supervisor
-from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.runtime.messages.types import Odometry, Tracks
 from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.vessel_description import load_vessel
 
 CALM = SeaSettings(waves=WaveSettings(gain=0.0), wind=WindSettings(mean_mps=0.0))
 AHEAD = "[[vessel]]\nstart_m = [0, 0]\nheading_deg = 0\ngoal_m = [40, 0]\n"

@@ -5,7 +5,7 @@ import pytest
 
 from twinscrew.hil_sim.bench import assurance as bench
 from twinscrew.runtime.safety.assurance import Assurance
-from twinscrew.runtime.safety.assurance_foresight import Foresight
+from twinscrew.runtime.safety.prediction import Foresight
 
 
 @pytest.fixture

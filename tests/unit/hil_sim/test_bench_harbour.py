@@ -12,7 +12,7 @@ SENSOR = load_sensor("vrx32")
 
 @pytest.fixture
 def body() -> Body:
-    return Body(load_shape("light_buoy_shape"), np.zeros(2), np.pi / 2, 2.0, tilts=True)
+    return Body(load_shape("light_buoy"), np.zeros(2), np.pi / 2, 2.0, tilts=True)
 
 
 def test_a_body_goes_where_it_heads(body: Body) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -7,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twinscrew.hil_sim.contacts import Obstacles, distance_to_box, reaches
+from twinscrew.hil_sim.contacts import HullCircles, Obstacles, distance_to_box, reaches
 from twinscrew.hil_sim.contacts import gaps as gaps_with
+from twinscrew.runtime.vessel_description import load_vessel
 
 NOTHING = Obstacles(circles=np.empty((0, 3)), boxes=np.empty((0, 6)))
 
@@ -16,7 +18,10 @@ NOTHING = Obstacles(circles=np.empty((0, 3)), boxes=np.empty((0, 6)))
 def gaps(
     position: np.ndarray, radius: float, present: np.ndarray, obstacles: Obstacles
 ) -> np.ndarray:
-    return gaps_with(position, reaches(radius, present, obstacles), obstacles)
+    hulls = HullCircles(
+        [dataclasses.replace(load_vessel(), circles_m=((0.0, radius),))] * len(position)
+    )
+    return gaps_with(position, reaches(hulls, present, obstacles), obstacles)
 
 
 def test_gaps_are_distances_between_surfaces() -> None:

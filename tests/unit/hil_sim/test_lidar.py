@@ -6,12 +6,13 @@ import pytest
 
 from twinscrew.hil_sim.bodies import Bodies
 from twinscrew.hil_sim.lidar import NOTHING, WATER, Lidar, LidarSettings, Scan
-from twinscrew.hil_sim.shapes import boxes_shape, load_shape
+from twinscrew.hil_sim.shapes import boxes_shape, load_shape, vessel_shape
 from twinscrew.runtime.perception.sensor import Sensor, load_sensor
+from twinscrew.runtime.vessel_description import load_vessel
 
 SHAPES = (
-    load_shape("wam_v_shape"),
-    load_shape("light_buoy_shape"),
+    vessel_shape(load_vessel()),
+    load_shape("light_buoy"),
     boxes_shape(np.array([[30.0, 0.0, 0.0]]), np.array([[2.0, 200.0, 40.0]]), np.zeros(1)),
 )
 OTHER, BUOY, QUAY = 1, 2, 3

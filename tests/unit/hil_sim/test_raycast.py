@@ -13,10 +13,11 @@ import pytest
 
 from twinscrew.hil_sim._native import Caster
 from twinscrew.hil_sim.bodies import ABSENT, Bodies
-from twinscrew.hil_sim.shapes import BOX, CYLINDER, Shape, boxes_shape, load_shape
+from twinscrew.hil_sim.shapes import BOX, CYLINDER, Shape, boxes_shape, load_shape, vessel_shape
 from twinscrew.runtime.geometry import quaternion_from_euler, rotation_from_quaternion
 from twinscrew.runtime.perception.sensor import Sensor, load_sensor
 from twinscrew.runtime.settings import convert
+from twinscrew.runtime.vessel_description import load_vessel
 
 _file = Path(__file__).parents[2] / "reference" / "raycast.py"
 _spec = importlib.util.spec_from_file_location("reference_raycast", _file)
@@ -130,14 +131,14 @@ def test_every_ray_agrees_with_the_reference_among_random_solids(seed: int) -> N
 def test_every_ray_of_the_real_sensors_agrees_with_the_reference(name: str) -> None:
     rng = np.random.default_rng(3)
     quays = boxes_shape(np.array([[30.0, 0.0, 0.5]]), np.array([[40.0, 3.0, 5.0]]), np.array([0.3]))
-    shapes = [load_shape("wam_v_shape"), load_shape("light_buoy_shape"), quays]
+    shapes = [vessel_shape(load_vessel()), load_shape("light_buoy"), quays]
     bodies = random_bodies(rng, [0, 0, 1, 2], spread=15.0)
     assert assert_same(load_sensor(name), shapes, bodies, own=0) > 500
 
 
 def test_windows_make_the_kernel_at_least_fifty_times_faster_than_testing_everything() -> None:
     sensor, rng = load_sensor("vrx16"), np.random.default_rng(3)
-    shapes = [load_shape("wam_v_shape"), load_shape("light_buoy_shape")]
+    shapes = [vessel_shape(load_vessel()), load_shape("light_buoy")]
     bodies = random_bodies(rng, [0, 0, 1], spread=15.0)
     took = []
     for run in (
@@ -240,7 +241,7 @@ def test_what_is_beyond_the_greatest_range_is_not_seen() -> None:
 
 def test_own_parts_are_seen_wherever_the_vessel_is() -> None:
     sensor = coarse_sensor(mount={"x_m": 0.43, "y_m": 0.0, "z_m": 1.93})
-    own, rng = load_shape("wam_v_shape"), np.random.default_rng(0)
+    own, rng = vessel_shape(load_vessel()), np.random.default_rng(0)
     first, _ = cast(sensor, [own], random_bodies(rng, [0], 20.0), 0)
     second, _ = cast(sensor, [own], random_bodies(rng, [0], 20.0), 0)
     assert np.isfinite(first).sum() > 50

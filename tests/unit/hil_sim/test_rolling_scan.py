@@ -9,10 +9,11 @@ import numpy as np
 
 from twinscrew.hil_sim.bodies import Bodies
 from twinscrew.hil_sim.lidar import Lidar, LidarSettings, Scan
-from twinscrew.hil_sim.shapes import Shape, load_shape
+from twinscrew.hil_sim.shapes import Shape, load_shape, vessel_shape
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
+from twinscrew.runtime.vessel_description import load_vessel
 
 NOW = 1_000_000_000
 PLACE = np.array([12.0, -5.0])
@@ -29,7 +30,7 @@ def turning_sensor() -> Sensor:
 
 def pillar() -> Shape:
     return dataclasses.replace(
-        load_shape("light_buoy_shape"),
+        load_shape("light_buoy"),
         kinds=np.array([1], dtype=np.int32),
         centres=np.zeros((1, 3)),
         rotations=np.array([[[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]]),
@@ -47,7 +48,7 @@ def scan(yaw_rate: float = YAW_RATE, speed: float = SPEED) -> Scan:
         velocity_N=np.array([[speed, 0.0, 0.0], [0.0, 0.0, 0.0]]),
         rates_B=np.array([[0.0, 0.0, yaw_rate], [0.0, 0.0, 0.0]]),
     )
-    lidar = Lidar(turning_sensor(), LidarSettings(), [load_shape("wam_v_shape"), pillar()])
+    lidar = Lidar(turning_sensor(), LidarSettings(), [vessel_shape(load_vessel()), pillar()])
     return lidar.scan(bodies, 0, NOW, np.random.default_rng(0))
 
 
@@ -108,7 +109,7 @@ def test_perception_takes_the_motion_out_again() -> None:
 def test_without_motion_a_slow_scan_is_the_same_as_one_taken_at_once() -> None:
     slow = scan(yaw_rate=0.0, speed=0.0)
     sensor = msgspec.structs.replace(turning_sensor(), scan_duration_s=0.0)
-    lidar = Lidar(sensor, LidarSettings(), [load_shape("wam_v_shape"), pillar()])
+    lidar = Lidar(sensor, LidarSettings(), [vessel_shape(load_vessel()), pillar()])
     bodies = Bodies(
         shape=np.array([0, 1], dtype=np.int32),
         position_N=np.array([[0.0, 0.0, 0.0], [*PLACE, 0.0]]),

@@ -15,8 +15,10 @@ from twinscrew.hil_sim.shapes import (
     boxes_shape,
     load_shape,
     make_shape,
+    vessel_shape,
 )
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.vessel_description import load_vessel
 
 
 def extent(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
@@ -28,9 +30,9 @@ def extent(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     return corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
 
 
-@pytest.mark.parametrize("name", ["wam_v_shape", "light_buoy_shape"])
+@pytest.mark.parametrize("name", ["wam_v", "workboat", "light_buoy"])
 def test_solids_have_proper_axes_and_sizes(name: str) -> None:
-    shape = load_shape(name)
+    shape = load_shape(name) if name == "light_buoy" else vessel_shape(load_vessel(name))
     turned = np.einsum("pij,pik->pjk", shape.rotations, shape.rotations)
     np.testing.assert_allclose(turned, np.broadcast_to(np.eye(3), turned.shape), atol=1e-12)
     np.testing.assert_allclose(np.linalg.det(shape.rotations), 1.0)
@@ -40,7 +42,7 @@ def test_solids_have_proper_axes_and_sizes(name: str) -> None:
 
 
 def test_a_wam_v_is_five_metres_long_two_and_a_half_wide_and_symmetric() -> None:
-    shape = load_shape("wam_v_shape")
+    shape = vessel_shape(load_vessel())
     low, high = extent(shape)
     np.testing.assert_allclose(high - low, [5.2, 2.46, 2.27], atol=0.05)
     assert low[1] == pytest.approx(-high[1])
@@ -49,12 +51,12 @@ def test_a_wam_v_is_five_metres_long_two_and_a_half_wide_and_symmetric() -> None
 
 
 def test_the_highest_part_of_a_wam_v_ends_at_its_lidar() -> None:
-    low, _ = extent(load_shape("wam_v_shape"))
+    low, _ = extent(vessel_shape(load_vessel()))
     assert low[2] == pytest.approx(-1.93)
 
 
 def test_the_bows_rise_and_the_engines_reach_into_the_water() -> None:
-    shape = load_shape("wam_v_shape")
+    shape = vessel_shape(load_vessel())
     front = shape.centres[:, 0].argmax()
     axis = shape.rotations[front, :, 0]
     assert axis[0] * axis[2] < 0  # forward is up, and up is negative

@@ -123,7 +123,11 @@ def test_an_outcome_is_final() -> None:
 
 def test_a_lone_vessel_has_no_closest_approach() -> None:
     one = scenario(
-        names=("wamv1",), starts=APART[:1], goals=APART[:1, :2], thrust_limits=np.array([np.inf])
+        names=("wamv1",),
+        types=("wam_v",),
+        starts=APART[:1],
+        goals=APART[:1, :2],
+        thrust_limits=np.array([np.inf]),
     )
     supervisor = watch(one)
     supervisor.advance(0.1, OFF[:1])

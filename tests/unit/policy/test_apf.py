@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from twinscrew.runtime.errors import PolicyError
-from twinscrew.runtime.policy.apf import (
+from twinscrew.runtime.policy.load import Policy
+from twinscrew.runtime.policy.planners import (
     ApfPolicy,
     ApfSettings,
     attractive_force,
@@ -16,7 +17,6 @@ from twinscrew.runtime.policy.apf import (
     total_force,
     virtual_obstacles,
 )
-from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.settings import load, shipped
 
 _spec = importlib.util.spec_from_file_location(
@@ -150,7 +150,7 @@ def test_the_give_way_vessel_passes_astern():
 
 
 def test_the_shipped_settings_are_the_defaults():
-    assert load(shipped("experiments", "apf"), ApfSettings) == SETTINGS
+    assert load(shipped("policies", "apf"), ApfSettings) == SETTINGS
 
 
 def test_it_is_a_policy():

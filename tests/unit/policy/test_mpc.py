@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from twinscrew.runtime.errors import PolicyError
-from twinscrew.runtime.policy.base import Policy
-from twinscrew.runtime.policy.mpc import (
+from twinscrew.runtime.policy.load import Policy
+from twinscrew.runtime.policy.planners import (
     MpcPolicy,
     MpcSettings,
     collision_cost,
@@ -17,7 +17,7 @@ from twinscrew.runtime.policy.mpc import (
     effort_cost,
     goal_cost,
 )
-from twinscrew.runtime.policy.rollout import Rollout
+from twinscrew.runtime.policy.vessel_model import Rollout
 from twinscrew.runtime.settings import load, shipped
 
 _spec = importlib.util.spec_from_file_location(
@@ -144,7 +144,7 @@ def test_the_give_way_vessel_passes_astern():
 
 
 def test_the_shipped_settings_are_the_defaults():
-    assert load(shipped("experiments", "mpc"), MpcSettings) == SETTINGS
+    assert load(shipped("policies", "mpc"), MpcSettings) == SETTINGS
 
 
 def test_it_is_a_policy():

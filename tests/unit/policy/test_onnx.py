@@ -12,7 +12,7 @@ from onnx import TensorProto, helper
 
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.messages.types import Observation
-from twinscrew.runtime.policy.base import Policy
+from twinscrew.runtime.policy.load import Policy
 from twinscrew.runtime.policy.metadata import PolicyExpectation
 from twinscrew.runtime.policy.onnx import OnnxPolicy
 from twinscrew.runtime.policy.risk import RiskSettings

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from twinscrew.runtime.errors import PolicyError
-from twinscrew.runtime.policy.planner import Planner, PlannerSettings, seen_objects
-from twinscrew.runtime.policy.rollout import action_set
+from twinscrew.runtime.policy.planners import Planner, PlannerSettings, seen_objects
+from twinscrew.runtime.policy.vessel_model import action_set
 
 _spec = importlib.util.spec_from_file_location(
     "encounter", Path(__file__).with_name("encounter.py")

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from twinscrew.runtime.policy.rollout import action_set, alignment, rollout
-from twinscrew.runtime.policy.vessel_model import VesselModel
+from twinscrew.runtime.policy.vessel_model import VesselModel, action_set, alignment, rollout
 
 REST = np.zeros(7)
 

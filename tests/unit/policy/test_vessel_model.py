@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 import pytest
+from msgspec.structs import asdict
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.policy.vessel_model import VesselModel, VesselParameters
-from twinscrew.runtime.settings import load, shipped
+from twinscrew.runtime.vessel_description import load_vessel
 
 MODEL = VesselModel()
 NO_DRAG = VesselParameters(x_u=0.0, y_v=0.0, n_r=0.0, x_uu=0.0, y_vv=0.0, n_rr=0.0)
@@ -27,8 +28,8 @@ def terminal(force: float, linear: float, quadratic: float) -> float:
     return (math.sqrt(linear**2 + 4 * quadratic * force) - linear) / (2 * quadratic)
 
 
-def test_the_defaults_are_the_shipped_vessel() -> None:
-    assert load(shipped("vessels", "wam_v_3dof"), VesselParameters) == VesselParameters()
+def test_the_defaults_are_the_default_vessels_plane_model() -> None:
+    assert asdict(VesselParameters()) == asdict(load_vessel().plane)
 
 
 def test_the_inertia_is_that_of_the_reference() -> None:

@@ -4,13 +4,13 @@ from tests.reference.assurance import gaps
 
 from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages.types import Odometry, Tracks
-from twinscrew.runtime.safety.assurance_contact import (
+from twinscrew.runtime.safety.prediction import (
     NO_CONTACT,
+    AssuranceVessel,
     Circles,
+    Foresight,
     surroundings,
 )
-from twinscrew.runtime.safety.assurance_foresight import Foresight
-from twinscrew.runtime.safety.assurance_vessel import AssuranceVessel
 
 DT = 0.1
 

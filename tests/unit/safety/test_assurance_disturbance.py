@@ -2,9 +2,13 @@ import numpy as np
 import pytest
 
 from twinscrew.runtime.policy.vessel_model import VesselModel, VesselParameters
-from twinscrew.runtime.safety.assurance_disturbance import DisturbanceObserver
-from twinscrew.runtime.safety.assurance_foresight import Foresight
-from twinscrew.runtime.safety.assurance_vessel import STILL, AssuranceVessel, Motion
+from twinscrew.runtime.safety.prediction import (
+    STILL,
+    AssuranceVessel,
+    DisturbanceObserver,
+    Foresight,
+    Motion,
+)
 
 VESSEL = AssuranceVessel(
     inertia=(380.0, 400.0, 1430.0),

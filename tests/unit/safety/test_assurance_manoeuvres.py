@@ -1,13 +1,14 @@
 import pytest
 
-from twinscrew.runtime.safety.assurance_manoeuvres import braking, held, later, ways_out
+from twinscrew.runtime._native import Law
+from twinscrew.runtime.safety.assurance import braking, manoeuvres
 from twinscrew.runtime.safety.guard import ThrustLimits
 
 LIMITS = ThrustLimits()
 
 
 def ways(*, to_starboard: bool = True):
-    found = ways_out(LIMITS, brake_nspm=500.0, turn_n=500.0, to_starboard=to_starboard)
+    found = manoeuvres(LIMITS, brake_nspm=500.0, turn_n=500.0, to_starboard=to_starboard)
     return {way.name: way.law for way in found}
 
 
@@ -51,6 +52,6 @@ def test_braking_keeps_to_the_range_of_weaker_propellers():
 
 
 def test_later_follows_the_command_until_its_time_has_come():
-    law = later(0.3, (1.0, 2.0), held((3.0, 4.0)))
+    law = Law((3.0, 4.0)).after((1.0, 2.0), 0.3)
     times = (0.0, 0.1, 0.2, 0.1 + 0.2, 0.4)
     assert [law(time_s, 0.0)[0] for time_s in times] == [1.0, 1.0, 1.0, 3.0, 3.0]

@@ -7,21 +7,21 @@ import pytest
 from tests.reference.sailing import calm, sail
 
 from twinscrew.hil_sim.vessel.dynamics import VesselDynamics
-from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.hil_sim.vessel.rest import at_rest
 from twinscrew.hil_sim.vessel.state import VesselState
+from twinscrew.runtime._native import Law
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.policy.vessel_model import VesselModel, VesselParameters
-from twinscrew.runtime.safety.assurance_foresight import Foresight
-from twinscrew.runtime.safety.assurance_manoeuvres import held
-from twinscrew.runtime.safety.assurance_vessel import (
+from twinscrew.runtime.safety.prediction import (
     AssuranceVessel,
+    Foresight,
     Motion,
     Thrust,
     slewed,
 )
 from twinscrew.runtime.settings import convert
+from twinscrew.runtime.vessel_description import load_vessel
 
 PUBLISHED = AssuranceVessel(
     inertia=(380.0, 400.0, 1430.0),
@@ -38,7 +38,7 @@ def foresight(vessel: AssuranceVessel, steps: int, dt: float, slew_nps: float = 
 
 
 def path(vessel: AssuranceVessel, motion: Motion, thrust: Thrust, steps: int, dt: float):
-    return foresight(vessel, steps, dt).path(motion, thrust, held(thrust))
+    return foresight(vessel, steps, dt).path(motion, thrust, Law(thrust))
 
 
 def trained(motion: Motion, thrust: Thrust, seconds: float) -> np.ndarray:
@@ -88,7 +88,7 @@ def test_thrust_changes_no_faster_than_the_propellers_may():
 
 def test_a_slower_propeller_takes_longer_to_stop_the_vessel():
     def stopping_way(slew_nps: float) -> float:
-        motion, astern = Motion(3.0, 0.0, 0.0), held((-500.0, -500.0))
+        motion, astern = Motion(3.0, 0.0, 0.0), Law((-500.0, -500.0))
         vessel, start = AssuranceVessel(), (1000.0, 1000.0)
         there = foresight(vessel, 40, 0.1, slew_nps).path(motion, start, astern)
         return float(there[:, 0].max())

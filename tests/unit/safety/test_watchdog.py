@@ -1,5 +1,5 @@
 from twinscrew.runtime.safety.events import LIDAR_STALE, ODOMETRY_STALE
-from twinscrew.runtime.safety.watchdog import Watchdog
+from twinscrew.runtime.safety.guard import Watchdog
 
 
 def make() -> Watchdog:

@@ -4,15 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from msgspec import structs
 from tests.reference.sailing import calm, centred_vessel, sail, windy
 
-from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, VesselDynamics, as_vrx
-from twinscrew.hil_sim.vessel.inertia import join
-from twinscrew.hil_sim.vessel.parameters import load_vessel
+from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, VesselDynamics, as_vrx, join
 from twinscrew.hil_sim.vessel.rest import at_rest
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.settings import convert
+from twinscrew.runtime.vessel_description import load_vessel
 
 WAM_V = load_vessel()
 DYNAMICS = VesselDynamics(WAM_V)
@@ -173,4 +171,4 @@ def test_vrxs_quirk_takes_the_coefficients_along_east_and_north(from_deg, headin
 
 
 def centred_with_windage():
-    return structs.replace(centred_vessel(), windage=WAM_V.windage)
+    return dataclasses.replace(centred_vessel(), windage=WAM_V.windage)

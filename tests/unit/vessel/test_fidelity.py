@@ -4,9 +4,10 @@ docs/simulator.md lists the figures. `planar` is the steady balance of surge, sw
 down by hand, without the code under test.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from msgspec.structs import replace
 from scipy.optimize import fsolve
 from tests.reference.sailing import (
     NO_WIND,
@@ -19,10 +20,9 @@ from tests.reference.sailing import (
 )
 
 from twinscrew.hil_sim.sea.sea import Sea, SeaSettings, WaveSettings
-from twinscrew.hil_sim.vessel.dynamics import VesselDynamics, as_vrx
-from twinscrew.hil_sim.vessel.inertia import join
-from twinscrew.hil_sim.vessel.parameters import load_vessel
+from twinscrew.hil_sim.vessel.dynamics import VesselDynamics, as_vrx, join
 from twinscrew.hil_sim.vessel.rest import at_rest, equilibrium
+from twinscrew.runtime.vessel_description import load_vessel
 
 WAM_V = load_vessel()
 DYNAMICS = VesselDynamics(WAM_V)

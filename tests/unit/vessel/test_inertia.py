@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from twinscrew.hil_sim.vessel.inertia import join, skew
-from twinscrew.hil_sim.vessel.parameters import Part, load_vessel
+from twinscrew.hil_sim.vessel.dynamics import join, skew
+from twinscrew.runtime.vessel_description import Part, load_vessel
 
 
 def point(mass: float, x: float, y: float, z: float) -> Part:
-    return Part(name="p", mass_kg=mass, position_flu_m=(x, y, z), inertia_kgm2=(0, 0, 0))
+    return Part(name="p", mass_kg=mass, position_m=(x, y, z), inertia_kgm2=(0, 0, 0))
 
 
 def test_skew_is_the_cross_product():

@@ -8,9 +8,9 @@ from msgspec.structs import replace
 from tests.reference.sailing import calm, centred_vessel, euler, sail
 
 from twinscrew.hil_sim.vessel.dynamics import VesselDynamics
-from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.hil_sim.vessel.rest import at_rest, equilibrium
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.vessel_description import load_vessel
 
 DYNAMICS = VesselDynamics(load_vessel())
 
@@ -54,4 +54,4 @@ def test_what_cannot_float_upright_is_refused():
     vessel = load_vessel()
     heavy = tuple(replace(part, mass_kg=4 * part.mass_kg) for part in vessel.parts)
     with pytest.raises(ConfigError, match="equilibrium"):
-        equilibrium(VesselDynamics(replace(vessel, parts=heavy)))
+        equilibrium(VesselDynamics(dataclasses.replace(vessel, parts=heavy)))
