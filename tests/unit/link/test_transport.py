@@ -2,11 +2,12 @@ import os
 import pty
 import select
 import socket
+import threading
 
 import pytest
 
 from twinscrew.runtime.errors import LinkError
-from twinscrew.runtime.link.sockets import PEER_SILENT_S, UdpTransport
+from twinscrew.runtime.link.sockets import ENOUGH, PEER_SILENT_S, UdpTransport
 from twinscrew.runtime.link.transport import await_transport, open_transport
 
 LOOPBACK = "127.0.0.1"
@@ -50,6 +51,36 @@ def test_a_listener_keeps_to_its_peer_until_he_is_silent():
         now_s[0] += PEER_SILENT_S + 0.1
         stranger.send(b"heir")
         assert wait_for(listener) == b"heir"
+
+
+def test_one_call_reads_no_more_of_a_flood_than_it_can_work_on_and_the_rest_comes_later():
+    with UdpTransport(LOOPBACK, 0, listens=True) as listener, caller(listener) as peer:
+        datagram = bytes(8000)
+        for _ in range(8):
+            peer.send(datagram)
+        first = wait_for(listener)
+        assert len(first) < ENOUGH + len(datagram)
+        heard = len(first)
+        while heard < 8 * len(datagram):
+            heard += len(wait_for(listener))
+
+
+def test_tcp_reads_no_more_of_a_flood_in_one_call_than_it_can_work_on():
+    with (
+        socket.create_server((LOOPBACK, 0)) as server,
+        open_transport(f"tcp:{LOOPBACK}:{server.getsockname()[1]}") as transport,
+    ):
+        other, _ = server.accept()
+        with other:
+            sent = bytes(10 * ENOUGH)
+            writer = threading.Thread(target=other.sendall, args=(sent,))
+            writer.start()
+            heard = 0
+            while heard < len(sent):
+                data = wait_for(transport)
+                assert len(data) < 2 * ENOUGH
+                heard += len(data)
+            writer.join()
 
 
 def test_calling_where_nobody_listens_yet_is_no_error():
