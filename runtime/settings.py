@@ -19,6 +19,7 @@ import msgspec
 from msgspec import Meta
 
 from twinscrew.runtime.errors import NOT_THE_FORMAT, ConfigError, one_of
+from twinscrew.runtime.files import read_file
 
 Positive = Annotated[float, Meta(gt=0.0)]
 NonNegative = Annotated[float, Meta(ge=0.0)]
@@ -42,7 +43,7 @@ S = TypeVar("S", bound=Settings)
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file; a `ConfigError` says where it cannot be read."""
     try:
-        content = path.read_bytes()
+        content = read_file(path)
     except OSError as error:
         raise ConfigError(error.strerror or str(error), file=path) from error
     return _toml(content, path)

@@ -12,6 +12,7 @@ import zenoh
 from msgspec import Meta
 
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.files import read_file
 from twinscrew.runtime.messages.topics import KeyFormat
 from twinscrew.runtime.permissions import require_private
 from twinscrew.runtime.settings import Positive, Settings
@@ -117,8 +118,9 @@ def zenoh_config(settings: ZenohSettings) -> zenoh.Config:
         names = {n for n in _KEYS if getattr(settings, n) != getattr(defaults, n)}
         names |= {n for n in _SHY if _unsaid(config, _KEYS[n])}
         _check_private_keys(config)
-    protection = {"transport/unicast/max_sessions": MOST_SESSIONS}
-    protection |= {} if settings.lossless else _NEVER_BLOCKS
+    protection: dict[str, Any] = {"transport/unicast/max_sessions": MOST_SESSIONS}
+    if not settings.lossless:
+        protection |= _NEVER_BLOCKS
     _insert_all(config, {k: v for k, v in protection.items() if _unsaid(config, k)})
     most = round(_ROOM * settings.max_message_mb * 1_000_000)
     _insert_all(config, {"transport/link/rx/max_message_size": most})
@@ -126,7 +128,7 @@ def zenoh_config(settings: ZenohSettings) -> zenoh.Config:
     return config
 
 
-def in_short(error: zenoh.ZError) -> str:
+def in_short(error: Exception) -> str:
     """Give Zenoh's words without the places in its source."""
     return re.sub(r" at /\S+:\d+\.?", "", str(error)).strip()
 
@@ -155,6 +157,8 @@ def _read(path: Path) -> zenoh.Config:
     if not path.is_file():
         raise ConfigError("no such file", file=path)
     try:
-        return zenoh.Config.from_file(path)
-    except zenoh.ZError as error:
+        return zenoh.Config.from_json5(read_file(path).decode("utf-8"))
+    except OSError as error:
+        raise ConfigError(error.strerror or str(error), file=path) from error
+    except (zenoh.ZError, UnicodeDecodeError) as error:
         raise ConfigError(f"not a Zenoh configuration: {in_short(error)}", file=path) from None

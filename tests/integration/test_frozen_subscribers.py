@@ -12,7 +12,7 @@ from contextlib import ExitStack, closing, contextmanager
 import pytest
 from tests.harness.waiting import wait_until
 
-from twinscrew.hil_sim.drivers.ports import free_port
+from twinscrew.hil_sim.drivers.processes import free_port
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 

@@ -9,7 +9,7 @@ from tests.harness.commands import running, stop
 from tests.harness.waiting import wait_until
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
-from twinscrew.hil_sim.drivers.ports import free_port
+from twinscrew.hil_sim.drivers.processes import free_port
 
 HOST = "127.0.0.1"
 STRANGER = (b"12345", b"\xfd" * 5)
