@@ -15,22 +15,35 @@ from twinscrew.runtime.errors import ConfigError
 _approved: Mapping[Path, bytes] | None = None
 
 
-def read_file(path: Path) -> bytes:
+MOST_BYTES = 500_000_000
+"""[B] Of a file that decides anything: a large network has 10 MB."""
+
+
+def read_file(path: Path, most: int = MOST_BYTES) -> bytes:
     """Read a file of a runtime's configuration, or give what was approved of it.
+
+    Parameters
+    ----------
+    most
+        [B] A larger file is refused, unread beyond this: a device may never end.
 
     Raises
     ------
     OSError
         It cannot be read.
     ConfigError
-        Only approved files may be read, and this is none of them.
+        It is too large; or only approved files may be read, and this is none of them.
     """
     if _approved is None:
-        return path.read_bytes()
-    content = _approved.get(path.resolve())
-    if content is None:
+        with path.open("rb") as file:
+            content = file.read(most + 1)
+        if len(content) > most:
+            raise ConfigError(f"has more than {most / 1e6:g} MB", file=path)
+        return content
+    approved = _approved.get(path.resolve())
+    if approved is None:
         raise ConfigError("is read, but nobody approved it", file=path)
-    return content
+    return approved
 
 
 @contextmanager

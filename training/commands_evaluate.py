@@ -94,14 +94,25 @@ def _evaluate_on(folder: Path, policy: BatchPolicy, seed: int, *, as_json: bool)
 def _evaluate(
     policy: BatchPolicy, rows: Sequence[ScenarioSettings], episodes: int, seed: int
 ) -> tuple[Evaluation, ...]:
-    """Evaluate row by row, with a progress bar on standard error."""
+    """Evaluate row by row, with a progress bar on standard error, or lines for a log."""
     from rich.console import Console
     from rich.progress import Progress
 
+    from twinscrew.runtime.progress import ProgressLines
     from twinscrew.training.evaluate import evaluate_all
 
-    with Progress(console=Console(file=sys.stderr), transient=True) as bar:
-        task = bar.add_task(policy.name, total=episodes * len(rows))
+    console, total = Console(file=sys.stderr), episodes * len(rows)
+    if not console.is_terminal:
+        lines, done = ProgressLines(policy.name), 0
+
+        def told(count: int) -> None:
+            nonlocal done
+            done += count
+            lines.update(done, total)
+
+        return evaluate_all(policy, rows, episodes, seed, progress=told)
+    with Progress(console=console, transient=True) as bar:
+        task = bar.add_task(policy.name, total=total)
         return evaluate_all(
             policy, rows, episodes, seed, progress=lambda count: bar.advance(task, count)
         )

@@ -12,9 +12,10 @@ from pathlib import Path
 
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.files import read_file
 from twinscrew.runtime.integrity.manifest import Manifest, read_manifest
 from twinscrew.runtime.permissions import require_unwritable
-from twinscrew.runtime.settings import parse, shipped
+from twinscrew.runtime.settings import MOST_BYTES, parse, shipped
 
 BASELINES = ("apf", "mpc")
 
@@ -126,7 +127,7 @@ def files_of(source: Path, config: RuntimeConfig) -> list[Path]:
 
 def _read(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return read_file(path, MOST_BYTES)
     except OSError as error:
         raise ConfigError(error.strerror or str(error), file=path) from error
 

@@ -16,6 +16,7 @@ from typing import Annotated, Final, Literal
 from msgspec import Meta
 
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.files import read_file
 from twinscrew.runtime.settings import CONFIG_DIR, Settings, parse
 
 SHIPPED: Final = "shipped:"
@@ -152,6 +153,6 @@ def _path_of(name: str, manifest: Path) -> Path:
 
 def _read(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return read_file(path)
     except OSError as error:
         raise ConfigError(error.strerror or str(error), file=path) from error

@@ -2,9 +2,12 @@
 
 import hashlib
 import json
+import os
 import shutil
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -190,21 +193,20 @@ def test_what_is_read_after_the_check_is_what_was_checked(dock: Dock) -> None:
 
 
 def test_a_configuration_that_asks_for_a_manifest_itself_is_the_one_that_is_compared(
-    dock: Dock, monkeypatch: pytest.MonkeyPatch
+    dock: Dock,
 ) -> None:
+    """A pipe shows another content to the first who reads than to those after him."""
     dock.configure('[integrity]\nmanifest = "manifest.toml"\n')
     approved = dock.config.read_bytes()
-    read_bytes, reads = Path.read_bytes, []
+    dock.config.unlink()
+    os.mkfifo(dock.config)
 
-    def changes_back(path: Path) -> bytes:
-        """Stand in for somebody who shows another file to the first who looks than to the next."""
-        content = read_bytes(path)
-        if path == dock.config:
-            reads.append(path)
-            return content + b"# evil" if len(reads) == 1 else approved
-        return content
+    def write() -> None:
+        for content in (approved + b"# evil", approved):
+            dock.config.write_bytes(content)
+            time.sleep(0.1)  # or the same reader would have both
 
-    monkeypatch.setattr(Path, "read_bytes", changes_back)
+    threading.Thread(target=write, daemon=True).start()
     with pytest.raises(ConfigError, match=r"boat\.toml has changed"):
         load_approved(dock.config)
 
