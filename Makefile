@@ -65,7 +65,7 @@ native: $(VENV)/.installed-dev  ## rebuild the native modules after a change in 
 	$(REBUILD)
 	@touch $(VENV)/.built
 
-fuzz: setup-dev  ## fuzz decoder and kernels, FUZZ_S seconds each of five (default 120)
+fuzz: setup-dev  ## fuzz decoder, kernels and messages, FUZZ_S seconds each of six (default 120)
 	bash tests/fuzz/run.sh $(or $(FUZZ_S),120)
 
 wheel: setup-dev  ## build the boat's wheel (runtime alone) and try it in a bare environment

@@ -19,11 +19,14 @@ import msgspec
 from msgspec import Meta
 
 from twinscrew.runtime.errors import NOT_THE_FORMAT, ConfigError, one_of
+from twinscrew.runtime.files import read_file
 
 Positive = Annotated[float, Meta(gt=0.0)]
 NonNegative = Annotated[float, Meta(ge=0.0)]
 Fraction = Annotated[float, Meta(ge=0.0, le=1.0)]
-Count = Annotated[int, Meta(ge=1)]
+Count = Annotated[int, Meta(ge=1, le=2**31 - 1)]
+MOST_BYTES = 16_000_000
+"""[B] Of a file of settings: more is none, and /dev/zero never ends."""
 
 CONFIG_DIR = Path(__file__).resolve().parent.parent / "config"
 """Where the shipped configuration lies: beside this package, in a checkout and in a wheel."""
@@ -42,7 +45,7 @@ S = TypeVar("S", bound=Settings)
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a TOML file; a `ConfigError` says where it cannot be read."""
     try:
-        content = path.read_bytes()
+        content = read_file(path, MOST_BYTES)
     except OSError as error:
         raise ConfigError(error.strerror or str(error), file=path) from error
     return _toml(content, path)
@@ -60,8 +63,8 @@ def load(path: Path, type_: type[S]) -> S:
 
 def convert(values: object, type_: type[S], *, file: Path | str | None = None) -> S:
     """Turn plain values into settings; `file` is named in the error."""
-    for where, value in _not_finite(values) if type_.finite else ():
-        raise ConfigError(f"expected a finite number, got {value}", file=file, key=where)
+    for where, words in _unusable(values, finite=type_.finite):
+        raise ConfigError(words, file=file, key=where)
     try:
         return msgspec.convert(values, type_)
     except msgspec.ValidationError as error:
@@ -90,13 +93,15 @@ def _toml(content: bytes, file: Path) -> dict[str, Any]:
         raise ConfigError(f"not TOML: {error}", file=file) from error
 
 
-def _not_finite(values: object) -> Iterator[tuple[str, float]]:
-    """Give the keys of numbers that are NaN or infinite: no range in a type refuses both."""
+def _unusable(values: object, *, finite: bool) -> Iterator[tuple[str, str]]:
+    """Give the keys of what no type refuses: NaN and infinities, and text that no path can hold."""
     pending = [("", values)]  # a dotted key may nest deeper than functions can
     while pending:
         key, value = pending.pop()
-        if isinstance(value, float) and not math.isfinite(value):
-            yield key, value
+        if finite and isinstance(value, float) and not math.isfinite(value):
+            yield key, f"expected a finite number, got {value}"
+        elif isinstance(value, str) and "\0" in value:
+            yield key, f"expected text without zero bytes, got {value!r}"
         elif isinstance(value, Mapping):
             pending += [(f"{key}.{name}" if key else str(name), v) for name, v in value.items()]
         elif isinstance(value, list | tuple):

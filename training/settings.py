@@ -170,6 +170,10 @@ def _overlay(base: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     return both
 
 
+LARGEST_SEED = 2**32 - 1
+"""[-] All generators take so much."""
+
+
 def parse_seeds(text: str) -> list[int]:
     """Read seeds as they are typed: "0,1,2".
 
@@ -181,4 +185,7 @@ def parse_seeds(text: str) -> list[int]:
     words = text.split(",")
     if not all(word.strip().isdecimal() for word in words) or len(set(words)) < len(words):
         raise ConfigError(f"expected different numbers as 0,1,2, got {text!r}", key="--seeds")
-    return [int(word) for word in words]
+    seeds = [int(word) for word in words]
+    if max(seeds) > LARGEST_SEED:
+        raise ConfigError(f"at most {LARGEST_SEED}, got {max(seeds)}", key="--seeds")
+    return seeds

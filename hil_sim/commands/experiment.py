@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -30,6 +31,7 @@ from twinscrew.hil_sim.experiments.results import EXPERIMENT_FILE, begin, go_on
 from twinscrew.hil_sim.experiments.runner import check_engine, find, parse_line, rerun, run
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.progress import ProgressLines
 from twinscrew.runtime.vessel_description import load_vessel
 
 NOT_THE_SAME = 1
@@ -109,15 +111,8 @@ def experiment(
     workers = jobs or len(os.sched_getaffinity(0))
     begin_s = time.monotonic()
     console = Console(stderr=True)
-    with _bar(console, quiet=as_json) as bar:
-        task = bar.add_task("episodes", total=None)
-        finished = run(
-            chosen,
-            folder,
-            workers,
-            engine_,
-            lambda done, total: bar.update(task, completed=done, total=total),
-        )
+    with _progress(console, quiet=as_json) as progress:
+        finished = run(chosen, folder, workers, engine_, progress)
     tell(finished, folder, time.monotonic() - begin_s, as_json=as_json)
 
 
@@ -159,8 +154,13 @@ def _folder(
     return out, begin(out, chosen).experiment
 
 
-def _bar(console: Console, *, quiet: bool) -> Progress:
-    return Progress(
+@contextmanager
+def _progress(console: Console, *, quiet: bool) -> Iterator[Callable[[int, int], None]]:
+    """Give what is told how many episodes are done, of how many: a bar, or lines for a log."""
+    if not console.is_terminal:
+        yield (lambda _done, _total: None) if quiet else ProgressLines("episodes").update
+        return
+    bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
@@ -171,6 +171,9 @@ def _bar(console: Console, *, quiet: bool) -> Progress:
         transient=True,
         speed_estimate_period=SMOOTHING_S,
     )
+    with bar:
+        task = bar.add_task("episodes", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def _rerun(text: str, out: Path | None, *, as_json: bool) -> None:

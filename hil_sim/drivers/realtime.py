@@ -194,6 +194,8 @@ class RealtimeCrew:
         self._ready_since: dict[int, float] = {}
         self._now_s = 0.0
         self._begin_s: float | None = None
+        self.endpoint = ""
+        """Where the simulator's Zenoh listens, once it does."""
         self.late_s = 0.0
         """[s] The most that simulated time fell behind the clock."""
 
@@ -202,6 +204,7 @@ class RealtimeCrew:
         endpoint = f"tcp/{LOOPBACK}:{port}"
         names = [config.name for config in self._configs]
         try:
+            self.endpoint = endpoint
             bus = ZenohBus(
                 ZenohSettings(listen=(endpoint,), connect=(), node="simulator"), names[0]
             )

@@ -32,6 +32,20 @@ BUSY = "import os; os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))\n
 """A program like any other, whatever priority the simulator has."""
 
 
+LOOKING = """
+import os, signal, sys, time, zenoh
+config = zenoh.Config()
+config.insert_json5("mode", '"client"')
+config.insert_json5("connect/endpoints", f'["{sys.argv[1]}"]')
+config.insert_json5("transport/shared_memory/enabled", "false")
+config.insert_json5("transport/link/tx/lease", "1000")  # [ms] after which it is given up
+with zenoh.open(config) as session:
+    heard = session.declare_subscriber("**", lambda sample: os.kill(os.getpid(), signal.SIGSTOP))
+    time.sleep(1000)
+"""
+"""A program that asks for everything, and stops at the first that it gets."""
+
+
 class Action(NamedTuple):
     """What begins a fault, and what ends it."""
 
@@ -60,6 +74,8 @@ def action_of(fault: Fault, rig: Rig, crew: RealtimeCrew, rng: Generator) -> Act
             return Action(rig.autopilot.kill, rig.autopilot.start)
         case "hang", _:
             return _hang(rig.autopilot.signal)
+        case "frozen_subscriber", _:
+            return _programs(lambda: (LOOKING, crew.endpoint), given.processes)
         case "cut", _:
             return _cut(rig, given)
         case "cpu_hog", _:
@@ -127,17 +143,22 @@ def _cut(rig: Rig, given: Cut) -> Action:
 
 
 def _hog(given: Hog) -> Action:
-    hogs: list[subprocess.Popen[bytes]] = []
+    return _programs(lambda: (BUSY,), given.processes)
+
+
+def _programs(words: Callable[[], tuple[str, ...]], count: int) -> Action:
+    """Run a program of Python's, and what follows it, several times meanwhile."""
+    running: list[subprocess.Popen[bytes]] = []
 
     def begin() -> None:
-        words = [sys.executable, "-c", BUSY]
-        hogs.extend(subprocess.Popen(words) for _ in range(given.processes))
+        command = [sys.executable, "-c", *words()]
+        running.extend(subprocess.Popen(command) for _ in range(count))
 
     def end() -> None:
-        for hog in hogs:
-            hog.kill()
-        for hog in hogs:
-            hog.wait()
+        for program in running:
+            program.kill()
+        for program in running:
+            program.wait()
 
     # Aside: to start and bury programs takes longer than the simulator can wait.
     return Action(_aside(begin), _aside(end))

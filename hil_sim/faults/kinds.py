@@ -100,6 +100,13 @@ class Hog(Settings, frozen=True):
     """[-] How many, each always busy."""
 
 
+class Frozen(Settings, frozen=True):
+    """Programs that look on are stopped, as by Ctrl-Z, and read no more."""
+
+    processes: Count = 4
+    """[-] How many, each with a connection of its own over the network."""
+
+
 class Pilot(Settings, frozen=True):
     """A pilot does something by radio or ground station."""
 
@@ -143,6 +150,7 @@ KINDS: Final[Mapping[str, Kind]] = {
     "hang": Kind(("runtime", "autopilot"), Nothing),
     "cut": Kind(("zenoh",), Cut),
     "cpu_hog": Kind(("machine",), Hog),
+    "frozen_subscriber": Kind(("zenoh",), Frozen),
     "pilot": Kind(("autopilot",), Pilot),
     "parameter": Kind(("autopilot",), Parameter),
     "streams": Kind(("autopilot",), Streams),

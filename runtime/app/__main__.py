@@ -1,5 +1,18 @@
-"""``python -m twinscrew.runtime.app``: the command line, for processes that start processes."""
+"""``python -m twinscrew.runtime.app``, and what `twinscrew` starts with."""
 
-from twinscrew.runtime.app.cli import main
+import sys
+from typing import NoReturn
 
-main()
+
+def main() -> NoReturn:
+    """Run the command line; Ctrl-C ends it without a traceback, also while it is still loaded."""
+    try:
+        from twinscrew.runtime.app.cli import main as run
+
+        run()
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

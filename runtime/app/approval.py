@@ -6,14 +6,16 @@ manifest says of itself is believed if its signature is that of a trusted key, w
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from twinscrew.runtime.app.config import RuntimeConfig, load_config
+from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.files import read_file
 from twinscrew.runtime.integrity.manifest import Manifest, read_manifest
 from twinscrew.runtime.permissions import require_unwritable
-from twinscrew.runtime.settings import shipped
+from twinscrew.runtime.settings import MOST_BYTES, parse, shipped
 from twinscrew.runtime.vessel_description import DEFAULT
 
 BASELINES = ("apf", "mpc")
@@ -43,6 +45,9 @@ class Approved:
     config: RuntimeConfig
     approval: Approval | None
     """None: nobody asked for a manifest."""
+    contents: Mapping[Path, bytes] | None = None
+    """What was read of the approved files, by absolute path, for `files.only_approved`: they are
+    not read again. None: nobody asked for a manifest."""
 
 
 def load_approved(
@@ -64,10 +69,11 @@ def load_approved(
     """
     if manifest is not None:
         approval, listed = check_manifest(manifest, public_key)
-        listed.require([source])
-        config = load_config(source)
+        content = listed.read(source)
+        config = parse(content, RuntimeConfig, file=source)
     else:
-        config = load_config(source)
+        content = _read(source)
+        config = parse(content, RuntimeConfig, file=source)
         asked = config.integrity
         public_key = public_key or _beside(source, asked.public_key)
         manifest = _beside(source, asked.manifest)
@@ -76,8 +82,11 @@ def load_approved(
                 raise ConfigError("a public key, but no manifest that is signed", file=source)
             return Approved(config, None)
         approval, listed = check_manifest(manifest, public_key)
-    listed.require(files_of(source, config))
-    return Approved(config, approval)
+        listed.compare(source, content)
+    files = files_of(source, config)
+    listed.require(files)
+    contents = {path.resolve(): listed.read(path) for path in files if path != source}
+    return Approved(config, approval, contents | {source.resolve(): content})
 
 
 def check_manifest(path: Path, public_key: Path | None) -> tuple[Approval, Manifest]:
@@ -88,10 +97,7 @@ def check_manifest(path: Path, public_key: Path | None) -> tuple[Approval, Manif
     ConfigError
         It is not signed with the key, others may change it unsigned, or a file has changed.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise ConfigError(error.strerror or str(error), file=path) from error
+    content = _read(path)
     key = comment = ""
     if public_key is None:
         require_unwritable(path)
@@ -119,6 +125,13 @@ def files_of(source: Path, config: RuntimeConfig) -> list[Path]:
     if config.bus.config_file is not None:
         files.append(Path(config.bus.config_file))
     return files
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return read_file(path, MOST_BYTES)
+    except OSError as error:
+        raise ConfigError(error.strerror or str(error), file=path) from error
 
 
 def _policy(spec: str) -> Path:

@@ -150,14 +150,25 @@ class BagWriter:
         self._closed.append(_Finished(file.path, file.contents))
 
     def _keep_quota(self) -> None:
-        sizes = [file.path.stat().st_size for file in self._closed]
+        """Delete the oldest files while all together are too large; some may be gone already."""
+        sizes = [_size(file.path) for file in self._closed]
         while len(sizes) > 1 and sum(sizes) > self._settings.quota_mb * 1e6:
-            self._closed.pop(0).path.unlink()
+            with suppress(OSError):  # a file that cannot be deleted is no reason to record no more
+                self._closed.pop(0).path.unlink()
             sizes.pop(0)
 
     def _write_metadata_file(self) -> None:
-        contents = [file.contents for file in self._closed]
+        here = [file for file in self._closed if file.path.exists()]
+        contents = [file.contents for file in here or self._closed[-1:]]
         temporary = self._path / f"{METADATA_FILE}.tmp"
         text = metadata_yaml(contents, self._names, self._metadata)
         temporary.write_text(text, encoding="utf-8")
         temporary.replace(self._path / METADATA_FILE)
+
+
+def _size(path: Path) -> int:
+    """Give a file's size [bytes]; 0 if it is no longer there, or cannot be looked at."""
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0

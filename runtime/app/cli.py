@@ -8,13 +8,14 @@ another's libraries, and `twinscrew run` starts without torch, matplotlib or the
 from __future__ import annotations
 
 import errno
+import os
 import signal
 import sys
 from collections.abc import Callable
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, entry_points, version
 from importlib.util import find_spec
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
@@ -23,7 +24,9 @@ from twinscrew.runtime.app.output import bear_any_text, flush
 from twinscrew.runtime.errors import TwinscrewError
 
 GROUP = "twinscrew.commands"
+PROGRAM = "twinscrew"
 USAGE_ERROR = 2
+INTERRUPTED = 130
 READER_GONE = 1
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """What the system says when nothing more can be written; it does not say where."""
@@ -46,6 +49,10 @@ SUMMARIES = {
     "doctor": "Check this machine and this installation, line by line.",
 }
 """What `twinscrew --help` says of each command, in its order, without importing any."""
+_UsageError: Any = typer.BadParameter.mro()[1]
+"""What click, or the copy of it in newer typers, raises for wrong usage."""
+_COMPLETING, _LINE = "_TWINSCREW_COMPLETE", "_TYPER_COMPLETE_ARGS"
+"""What a shell that wants words completed sets: that it does, and in bash the words so far."""
 
 
 class LazyGroup(TyperGroup):
@@ -63,6 +70,12 @@ class LazyGroup(TyperGroup):
             return _as_command(_described(cmd_name), cmd_name)
         return find_command(cmd_name)
 
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write every command with what it does, not cut short."""
+        known = [(name, SUMMARIES.get(name, "")) for name in self.list_commands(ctx)]
+        with formatter.section("Commands"):
+            formatter.write_dl(known)
+
 
 def find_command(name: str) -> Any:
     """Import a command and give it as click has it; None if it is not installed."""
@@ -73,18 +86,31 @@ def find_command(name: str) -> Any:
 def main() -> NoReturn:
     """Run the command line: exit status 2, and one line on standard error, for what is refused."""
     app = typer.Typer(
-        cls=LazyGroup, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
+        cls=LazyGroup,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,  # which would swallow units: [s], [m]
+        context_settings={"help_option_names": ["-h", "--help"]},
     )
-    app.callback(help="Autonomy runtime for twin-propeller surface vessels.")(_no_options)
+    app.callback(help="Autonomy runtime for twin-propeller surface vessels.")(_options)
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_DFL:  # under nohup it is ignored
             signal.signal(number, _end)
     bear_any_text()
     try:
         try:
-            app(prog_name="twinscrew")
+            status = app(sys.argv[1:] or ["--help"], prog_name=PROGRAM, standalone_mode=False)
         finally:
             flush()
+    except _UsageError as error:
+        if type(error).__name__ == "NoArgsIsHelpError":  # a group, and none of its commands
+            print(error.format_message())
+            sys.exit(0)
+        where = error.ctx.command_path if error.ctx is not None else PROGRAM
+        words = " ".join(error.format_message().split())
+        print(f"twinscrew: error: {words.rstrip('.')} (see '{where} --help')", file=sys.stderr)
+        sys.exit(USAGE_ERROR)
+    except typer.Abort:
+        sys.exit(INTERRUPTED)
     except TwinscrewError as error:
         print(f"twinscrew: error: {error}", file=sys.stderr)
         sys.exit(USAGE_ERROR)
@@ -97,11 +123,24 @@ def main() -> NoReturn:
         print(f"twinscrew: error: {where}: {error.strerror}", file=sys.stderr)
         sys.exit(USAGE_ERROR)
     except KeyboardInterrupt:
-        sys.exit(130)
-    sys.exit(0)
+        sys.exit(INTERRUPTED)
+    sys.exit(status if isinstance(status, int) else 0)
 
 
-def _no_options() -> None: ...
+def _print_version(asked: bool) -> None:
+    if asked:
+        print(f"{PROGRAM} {version(PROGRAM)}")
+        raise typer.Exit
+
+
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Print the version.", callback=_print_version, is_eager=True
+        ),
+    ] = False,
+) -> None: ...
 
 
 def _end(number: int, _frame: FrameType | None) -> NoReturn:
@@ -121,6 +160,10 @@ def _is_here(entry: EntryPoint) -> bool:
 
 
 def _help_of_all_is_wanted() -> bool:
+    """Tell whether all commands are to be described, and none is to be run."""
+    if _COMPLETING in os.environ:  # the name of a command is wanted, or a word after it
+        line = os.environ.get(_LINE) or os.environ.get("COMP_WORDS", "")
+        return len(line.split()) + line.endswith((" ", "\n")) <= 2
     return len(sys.argv) < 2 or sys.argv[1] in {"--help", "-h"}
 
 
@@ -145,6 +188,6 @@ def _load(entry: EntryPoint) -> Callable[..., None] | typer.Typer:
 def _as_command(function: Callable[..., None] | typer.Typer, name: str) -> Any:
     if isinstance(function, typer.Typer):  # it has subcommands of its own
         return typer.main.get_command(function)
-    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
     app.command(name=name)(function)
     return typer.main.get_command(app)

@@ -79,6 +79,8 @@ class Recording:
     names: Mapping[str, str]
     """Names of `TOPICS` by names in the bag; empty: they are guessed by name and type."""
     sources: tuple[Source, ...]
+    missing: tuple[str, ...] = ()
+    """What files that are no longer there held: its "beginning", or a "part" within."""
 
     @property
     def whole(self) -> bool:
@@ -217,7 +219,15 @@ def _recording(path: Path, files: list[Path], names: Mapping[str, str]) -> Recor
     vessel = str(metadata.get("vessel", path.stem))
     if not names:
         names = {ros: name for name, ros in metadata.get("topics", {}).items() if name in TOPICS}
-    return Recording(path, vessel, metadata, names, sources)
+    missing = _missing(files) if metadata else ()
+    return Recording(path, vessel, metadata, names, sources, missing)
+
+
+def _missing(files: list[Path]) -> tuple[str, ...]:
+    """Say what is not there of a recording of ours: its files are numbered from 0."""
+    numbers = sorted(_number(file)[0] for file in files)
+    beginning = ("beginning",) if numbers[0] > 0 else ()
+    return (*beginning, "part") if numbers[-1] - numbers[0] >= len(numbers) else beginning
 
 
 class _Said(msgspec.Struct, frozen=True):

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from msgspec import field
+from msgspec import Meta, field
 
 from twinscrew.runtime.settings import Count, Positive, Settings
 
@@ -29,7 +29,7 @@ class RecorderSettings(BagSettings, frozen=True):
 
     queue_mb: Positive = 64.0
     """[MB] What may wait for the disk; messages beyond it are dropped and counted."""
-    flush_s: Positive = 0.25
+    flush_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 0.25
     """[s] How often what waits is written: how much `kill -9` can cost, besides a chunk."""
 
 

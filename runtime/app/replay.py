@@ -45,6 +45,9 @@ class Replay:
     """Of as many replayed decisions as were recorded."""
     whole: bool
     """False if the recording's end is missing: the recorder was killed."""
+    missing: tuple[str, ...]
+    """What is not there of the recording's files: see `Recording`. Decisions then differ, because
+    they follow from everything that came before."""
     refused: Mapping[str, Refused]
     """By the event's name: what of the inputs could not be used."""
 
@@ -112,6 +115,7 @@ def replay(
         recorded_sha256=recorded.hexdigest(),
         beginning_sha256=hashes[min(recorded_count, len(hashes) - 1)],
         whole=recording.whole,
+        missing=recording.missing,
         refused=refused,
     )
 

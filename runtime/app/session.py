@@ -186,10 +186,11 @@ class Session:
     def _open(self) -> None:
         config = self._config
         link = config.autopilot
-        opened = await_transport(link.connection, link.wait_s, self._stop)
-        transport = reopening(link.connection, opened)
-        self._stack.callback(transport.close)
         controller = make_controller(config)
+        known = controller.link.recognises
+        opened = await_transport(link.connection, link.wait_s, self._stop, known)
+        transport = reopening(link.connection, opened, known)
+        self._stack.callback(transport.close)
         controller.core.pipeline.warm_up()
         bus = ZenohBus(config.bus, config.name)
         self._stack.callback(bus.close)

@@ -43,7 +43,6 @@ def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False)
     inbox = Inbox()
     bus = ZenohBus(config.bus, config.name)
     heard: dict[str, list[Heard]] = defaultdict(list)  # see `keep`
-    transport = open_transport(config.autopilot.connection)
     own = config.odometry_source == "autopilot"
     link = AutopilotLink(
         replace(
@@ -53,6 +52,7 @@ def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False)
             write_parameters=write_params,
         )
     )
+    transport = open_transport(config.autopilot.connection, link.recognises)
     estimate = GpsImuOdometry(config.estimation) if config.odometry_source == "gps_imu" else None
     topics = tuple(topic for topic in inputs_of(config) if TOPICS[topic].rate_hz > 0)
     try:

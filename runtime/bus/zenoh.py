@@ -121,7 +121,8 @@ class ZenohBus:
 
     def subscribe(self, topic: str, receive: Receiver) -> None:
         """Listen to a topic; see `Bus.subscribe`. `receive` must not call the bus."""
-        line, limit = self._line, self._line.settings.max_message_mb * 1_000_000
+        line, most_b = self._line, self._line.settings.max_message_mb * 1_000_000
+        most_b = min(most_b, find_topic(topic).largest_b or most_b)
 
         def take(sample: zenoh.Sample) -> None:
             now_ns = time.monotonic_ns()
@@ -132,7 +133,7 @@ class ZenohBus:
                 attached = sample.attachment.to_bytes()
                 line.gaps.see(topic, attached)
                 sent_ns = source_time_ns(attached)
-            if len(sample.payload) > limit:
+            if len(sample.payload) > most_b:
                 line.refused[topic] += 1
                 return
             receive(Received(topic, sample.payload.to_bytes(), now_ns, sent_ns))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
@@ -11,9 +12,17 @@ import zenoh
 from msgspec import Meta
 
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.files import read_file
 from twinscrew.runtime.messages.topics import KeyFormat
 from twinscrew.runtime.permissions import require_private
 from twinscrew.runtime.settings import Positive, Settings
+
+MOST_SESSIONS: Final = 32
+"""[-] Programs that may be connected at a time: fewer than there are threads that receive."""
+os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 40), tx: (worker_threads: 4))")
+"""Zenoh's threads, which it reads once, before the first session. While Zenoh gives up a peer that
+has stopped reading (10 s after it fell silent, for 10 s), that holds one of its receiving threads,
+of which there are two by default: two stopped viewers kept everybody's messages from coming in."""
 
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
 """Zenoh's usual port, on this machine only."""
@@ -67,6 +76,18 @@ _PRIVATE_KEYS: Final = (
 _ROOM: Final = 2
 """[-] Zenoh itself drops a message of more than this many times the limit, before it is whole: a
 peer cannot fill the memory. Up to there the message comes, and its sender's topic can be named."""
+_NEVER_BLOCKS: Final = {
+    # What others publish is dropped, and not waited with, where one for whom it is passed on does
+    # not read: rmw_zenoh and the bridges ask to wait, and the wait (5 s) would be everybody's.
+    "qos/network": [
+        {
+            "id": "lookers_on_never_block",
+            "messages": ["put", "delete"],
+            "flows": ["ingress"],
+            "overwrite": {"congestion_control": "drop"},
+        }
+    ],
+}
 _OUR_DEFAULTS: Final = {
     # Look again after 0.1 s, later every second: a boat's programs start in any order.
     "connect/retry": {
@@ -97,13 +118,17 @@ def zenoh_config(settings: ZenohSettings) -> zenoh.Config:
         names = {n for n in _KEYS if getattr(settings, n) != getattr(defaults, n)}
         names |= {n for n in _SHY if _unsaid(config, _KEYS[n])}
         _check_private_keys(config)
+    protection: dict[str, Any] = {"transport/unicast/max_sessions": MOST_SESSIONS}
+    if not settings.lossless:
+        protection |= _NEVER_BLOCKS
+    _insert_all(config, {k: v for k, v in protection.items() if _unsaid(config, k)})
     most = round(_ROOM * settings.max_message_mb * 1_000_000)
     _insert_all(config, {"transport/link/rx/max_message_size": most})
     _insert_all(config, {_KEYS[name]: getattr(settings, name) for name in sorted(names)})
     return config
 
 
-def in_short(error: zenoh.ZError) -> str:
+def in_short(error: Exception) -> str:
     """Give Zenoh's words without the places in its source."""
     return re.sub(r" at /\S+:\d+\.?", "", str(error)).strip()
 
@@ -132,6 +157,8 @@ def _read(path: Path) -> zenoh.Config:
     if not path.is_file():
         raise ConfigError("no such file", file=path)
     try:
-        return zenoh.Config.from_file(path)
-    except zenoh.ZError as error:
+        return zenoh.Config.from_json5(read_file(path).decode("utf-8"))
+    except OSError as error:
+        raise ConfigError(error.strerror or str(error), file=path) from error
+    except (zenoh.ZError, UnicodeDecodeError) as error:
         raise ConfigError(f"not a Zenoh configuration: {in_short(error)}", file=path) from None

@@ -16,6 +16,7 @@ from typing import Annotated, Final, Literal
 from msgspec import Meta
 
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.files import read_file
 from twinscrew.runtime.settings import CONFIG_DIR, Settings, parse
 
 SHIPPED: Final = "shipped:"
@@ -52,6 +53,26 @@ class Manifest:
         wrong = [words for path, sha256 in self.files.items() if (words := _compare(path, sha256))]
         if wrong:
             raise ConfigError("; ".join(wrong), file=self.path)
+
+    def read(self, path: Path) -> bytes:
+        """Read a listed file once, and give what was read if it is as approved.
+
+        Raises
+        ------
+        ConfigError
+            It is not listed, cannot be read, or has changed.
+        """
+        self.require([path])
+        content = _read(path)
+        self.compare(path, content)
+        return content
+
+    def compare(self, path: Path, content: bytes) -> None:
+        """Check what was read of a listed file; errors as `read`."""
+        self.require([path])
+        words = _differs(path, self.files[path.resolve()], hashlib.sha256(content).hexdigest())
+        if words:
+            raise ConfigError(words, file=self.path)
 
     def require(self, paths: Iterable[Path]) -> None:
         """Check that files are listed.
@@ -108,9 +129,13 @@ def _compare(path: Path, sha256: str) -> str:
         found = sha256_of(path)
     except ConfigError as error:
         return str(error)
-    if found == sha256:
+    return _differs(path, sha256, found)
+
+
+def _differs(path: Path, expected: str, found: str) -> str:
+    if found == expected:
         return ""
-    return f"{path} has changed: SHA-256 expected {sha256}, found {found}"
+    return f"{path} has changed: SHA-256 expected {expected}, found {found}"
 
 
 def _name_of(file: Path, manifest: Path) -> str:
@@ -124,3 +149,10 @@ def _path_of(name: str, manifest: Path) -> Path:
     if name.startswith(SHIPPED):
         return (CONFIG_DIR / name.removeprefix(SHIPPED)).resolve()
     return (manifest.resolve().parent / name).resolve()
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return read_file(path)
+    except OSError as error:
+        raise ConfigError(error.strerror or str(error), file=path) from error

@@ -125,8 +125,12 @@ def write_keys(secret: SecretKey, secret_path: Path, public_path: Path) -> None:
 
 def sign(content: bytes, secret: SecretKey, comment: str) -> str:
     """Give the text of a signature file; `comment` is signed, too."""
-    if "\n" in comment or "\r" in comment:
+    if comment.splitlines() not in ([], [comment]):
         raise ConfigError("a comment has one line")
+    try:
+        comment.encode()
+    except UnicodeEncodeError:
+        raise ConfigError(f"a comment is UTF-8: {comment!r} is not", key="--comment") from None
     private = Ed25519PrivateKey.from_private_bytes(secret.seed)
     signature = private.sign(_digest(content))
     whole = private.sign(signature + comment.encode())

@@ -84,6 +84,10 @@ class AutopilotLink:
                 self.stations.take(message, now_s)
         self._judge_obedience(now_s)
 
+    def recognises(self, datagram: bytes) -> bool:
+        """Tell whether a datagram is our autopilot's: see `Wire.recognises`."""
+        return self.wire.recognises(datagram)
+
     def tick(self, now_s: float, *, may_ask: bool = True) -> bytes:
         """Give what keeps the conversation going: heartbeat, requests, texts.
 

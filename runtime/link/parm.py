@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.files import read_file
 
 _NAME = re.compile(r"[A-Z][A-Z0-9_]{0,15}")
 """MAVLink names parameters in up to 16 characters."""
@@ -21,7 +22,7 @@ def read_parm(path: Path) -> dict[str, float]:
         The file cannot be read, or a line is not a name and a finite number.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = read_file(path).decode("utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(str(error), file=path) from error
     values: dict[str, float] = {}

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from twinscrew.runtime.errors import LinkError
-from twinscrew.runtime.link.carrier import Transport
+from twinscrew.runtime.link.carrier import Recognises, Transport, anybody
 from twinscrew.runtime.link.transport import open_transport
 
 FIRST_S = 0.1
@@ -26,7 +26,9 @@ TCP_SILENT_S = 5.0
 five of MAVLink's heartbeats."""
 
 
-def reopening(connection: str, transport: Transport) -> ReopeningTransport:
+def reopening(
+    connection: str, transport: Transport, recognises: Recognises = anybody
+) -> ReopeningTransport:
     """Keep a connection that `open_transport` opened open.
 
     Parameters
@@ -35,9 +37,15 @@ def reopening(connection: str, transport: Transport) -> ReopeningTransport:
         The string that it was opened from.
     transport
         What came of it.
+    recognises
+        As `open_transport` takes it.
     """
     silent_s = TCP_SILENT_S if connection.startswith("tcp:") else math.inf
-    return ReopeningTransport(transport, lambda: open_transport(connection), silent_s=silent_s)
+
+    def reopen() -> Transport:
+        return open_transport(connection, recognises)
+
+    return ReopeningTransport(transport, reopen, silent_s=silent_s)
 
 
 class ReopeningTransport(Transport):

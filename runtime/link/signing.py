@@ -105,14 +105,27 @@ def is_authentic(state: Any, frame: bytearray, system_id: int, component_id: int
 
     `state` is pymavlink's `MAVLinkSigning`; only an authentic frame changes it.
     """
-    digest = hashlib.sha256(state.secret_key + frame[:-_SIGNATURE_LENGTH]).digest()
-    if not hmac.compare_digest(digest[:_SIGNATURE_LENGTH], bytes(frame[-_SIGNATURE_LENGTH:])):
+    timestamp = authentic_time(state, frame, system_id, component_id)
+    if timestamp is None:
         return False
-    timestamp = int.from_bytes(frame[-12:-_SIGNATURE_LENGTH], "little")
-    stream = (frame[-13], system_id, component_id)
-    newest = state.stream_timestamps.get(stream, state.timestamp - NEW_STREAM_WINDOW)
-    if timestamp <= newest:
-        return False
-    state.stream_timestamps[stream] = timestamp
+    state.stream_timestamps[_stream(frame, system_id, component_id)] = timestamp
     state.timestamp = max(state.timestamp, timestamp)
     return True
+
+
+def authentic_time(
+    state: Any, frame: bytes | bytearray, system_id: int, component_id: int
+) -> int | None:
+    """Give the timestamp of a frame that `is_authentic` would accept, or None; nothing changes."""
+    digest = hashlib.sha256(state.secret_key + frame[:-_SIGNATURE_LENGTH]).digest()
+    if not hmac.compare_digest(digest[:_SIGNATURE_LENGTH], bytes(frame[-_SIGNATURE_LENGTH:])):
+        return None
+    timestamp = int.from_bytes(frame[-12:-_SIGNATURE_LENGTH], "little")
+    stream = _stream(frame, system_id, component_id)
+    newest = state.stream_timestamps.get(stream, state.timestamp - NEW_STREAM_WINDOW)
+    return timestamp if timestamp > newest else None
+
+
+def _stream(frame: bytes | bytearray, system_id: int, component_id: int) -> tuple[int, int, int]:
+    """Tell what the timestamps of a frame are compared with: link, system and component."""
+    return frame[-13], system_id, component_id

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 
 from twinscrew.runtime.errors import LinkError, one_of
-from twinscrew.runtime.link.carrier import Transport
+from twinscrew.runtime.link.carrier import Recognises, Transport, anybody
 from twinscrew.runtime.link.serial_line import SerialTransport
 from twinscrew.runtime.link.sockets import TcpTransport, UdpTransport
 
@@ -25,8 +25,15 @@ _LAST_PORT = 65_535
 KINDS = ("udpin:HOST:PORT", "udpout:HOST:PORT", "tcp:HOST:PORT", "serial:DEVICE:BAUD")
 
 
-def open_transport(connection: str) -> Transport:
+def open_transport(connection: str, recognises: Recognises = anybody) -> Transport:
     """Open a connection from its string.
+
+    Parameters
+    ----------
+    connection
+        See this module's words.
+    recognises
+        Tells by a datagram who may become the peer of `udpin`.
 
     Raises
     ------
@@ -39,7 +46,9 @@ def open_transport(connection: str) -> Transport:
         kind, rest = "serial", connection
     try:
         if kind in ("udpin", "udp", "udpout"):
-            return UdpTransport(*_host_port(connection, rest), listens=kind != "udpout")
+            listens = kind != "udpout"
+            host, port = _host_port(connection, rest)
+            return UdpTransport(host, port, listens=listens, recognises=recognises)
         if kind == "tcp":
             return TcpTransport(*_host_port(connection, rest))
         if kind == "serial":
@@ -51,14 +60,17 @@ def open_transport(connection: str) -> Transport:
 
 
 def await_transport(
-    connection: str, wait_s: float, stop: Callable[[], bool] = lambda: False
+    connection: str,
+    wait_s: float,
+    stop: Callable[[], bool] = lambda: False,
+    recognises: Recognises = anybody,
 ) -> Transport:
     """Open a connection, and try again for a while if nobody is there yet.
 
     Parameters
     ----------
-    connection
-        As `open_transport` takes it.
+    connection, recognises
+        As `open_transport` takes them.
     wait_s
         [s] How long to try.
     stop
@@ -73,7 +85,7 @@ def await_transport(
     until_s = time.monotonic() + wait_s
     while True:
         try:
-            return open_transport(connection)
+            return open_transport(connection, recognises)
         except LinkError as error:
             hopeless = not isinstance(error.__cause__, OSError)
             if hopeless or time.monotonic() >= until_s or stop():

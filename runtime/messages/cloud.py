@@ -17,6 +17,11 @@ POINT_CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
 
 _SMALLEST_FIELD: Final = 17
 """[B] A PointField with an empty name, without padding."""
+MOST_FIELDS: Final = 64
+"""[-] Drivers of LiDARs write 3 to 12, of radars up to some 30; half a million take seconds."""
+MOST_POINTS: Final = 2**20
+"""[-] Of one scan: 128 beams, 4096 columns and two returns. Fields may overlap, so that the size of
+a message alone does not bound what its points take."""
 _UINT16: Final = 4
 _FLOAT32: Final = 7
 """sensor_msgs/PointField's numbers of types."""
@@ -53,13 +58,21 @@ def decode_point_cloud(payload: bytes | memoryview) -> PointCloud:
     Raises
     ------
     MessageError
-        Not such a message, or a layout that cannot be: fields missing, outside a point, of a type
-        that they cannot have, or sizes that disagree.
+        Not such a message; more fields, points or letters in a name than allowed; or a layout that
+        cannot be: fields missing, outside a point, of a type that they cannot have, or sizes that
+        disagree.
     """
     reader = Reader(payload, POINT_CLOUD_TYPE)
     stamp_ns, frame_id = read_header(reader)
     height, width = reader.values("2I", 4)
-    fields = tuple(_read_field(reader) for _ in range(reader.count(_SMALLEST_FIELD)))
+    if height * width > MOST_POINTS:
+        raise reader.fail(
+            f"{height * width} points are too many: at most {MOST_POINTS} are allowed"
+        )
+    count = reader.count(_SMALLEST_FIELD)
+    if count > MOST_FIELDS:
+        raise reader.fail(f"{count} fields are too many: at most {MOST_FIELDS} are allowed")
+    fields = tuple(_read_field(reader) for _ in range(count))
     is_bigendian = reader.flag()
     point_step, row_step = reader.values("2I", 4)
     data = np.frombuffer(reader.octets(), np.uint8)
@@ -112,7 +125,7 @@ def _record(fields: tuple[PointField, ...]) -> np.dtype[np.void]:
 
 
 def _read_field(reader: Reader) -> PointField:
-    name = reader.string()
+    name = reader.name()
     offset, datatype, count = reader.values("IB3xI", 4)
     return PointField(name, offset, datatype, count)
 

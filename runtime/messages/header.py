@@ -40,7 +40,7 @@ def write_stamp(writer: Writer, stamp_ns: int) -> None:
 
 def read_header(reader: Reader) -> tuple[int, str]:
     """Read a Header; give its stamp [ns] and frame."""
-    return read_stamp(reader), reader.string()
+    return read_stamp(reader), reader.name()
 
 
 def write_header(writer: Writer, stamp_ns: int, frame_id: str) -> None:

@@ -35,7 +35,7 @@ _COVARIANCE: Final = 36 * 8
 _BODY: Final = f"7d{_COVARIANCE}x6d{_COVARIANCE}x"
 _QUATERNION_TOLERANCE: Final = 1e-2
 """[-] How far from 1 the norm of an attitude may be; float32 senders are within 1e-6."""
-_GREATEST: Final = 1e8
+GREATEST: Final = 1e8
 """[m], [m/s], [rad/s] Farther than anything on earth, faster than any boat: not a measurement."""
 
 
@@ -50,7 +50,7 @@ def decode_odometry(payload: bytes | memoryview) -> Odometry:
     """
     reader = Reader(payload, ODOMETRY_TYPE)
     stamp_ns, _ = read_header(reader)
-    reader.string()
+    reader.name()
     body = reader.values(_BODY, 8)
     reader.end()
     x, y, z, qx, qy, qz, qw, *twist = body
@@ -107,8 +107,8 @@ def check_numbers(reader: Reader, numbers: Iterable[float]) -> None:
     for number in numbers:
         if not math.isfinite(number):
             raise reader.fail("a number is not finite")
-        if abs(number) > _GREATEST:
-            raise reader.fail(f"{number:g} cannot be: the greatest number allowed is {_GREATEST:g}")
+        if abs(number) > GREATEST:
+            raise reader.fail(f"{number:g} cannot be: the greatest number allowed is {GREATEST:g}")
 
 
 def unit(reader: Reader, w: float, x: float, y: float, z: float) -> Array:

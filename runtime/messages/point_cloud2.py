@@ -25,6 +25,8 @@ TIME_UNITS_S = (1.0, 1e-9, 1e-6)
 """[s] In which drivers give a time of day as float64."""
 LONGEST_S = 10.0
 """[s] No scan lasts longer."""
+_FIELDS_SHOWN, _NAME_SHOWN = 12, 24
+"""[-] How many fields an error names, and how many letters of each."""
 
 
 class Field(Protocol):
@@ -96,11 +98,18 @@ class _Cloud:
         """Give the first of `names` that is a field of this cloud."""
         return next((name for name in names if name in self.fields), None)
 
+    def _names(self) -> str:
+        """Give the fields' names for an error, cut short: they may be many and long."""
+        names = list(reversed(self.fields))[:_FIELDS_SHOWN]
+        named = ", ".join(repr(name[:_NAME_SHOWN]) for name in names)
+        more = len(self.fields) - _FIELDS_SHOWN
+        return f"{named} and {more} more" if more > 0 else named or "none"
+
     def dtype(self, name: str, kinds: str) -> np.dtype[Any]:
         """Give the type of a field; refuse it if it is missing or not of the numpy `kinds`."""
         field = self.fields.get(name)
         if field is None:
-            raise MessageError(f"PointCloud2: no field {name!r}, only {list(self.fields)}")
+            raise MessageError(f"PointCloud2: no field {name!r}, only {self._names()}")
         if field.datatype not in DATATYPES:
             words = one_of(field.datatype, DATATYPES)
             raise MessageError(f"PointCloud2: field {name!r}: datatype {words}")

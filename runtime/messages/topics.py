@@ -23,6 +23,12 @@ from twinscrew.runtime.messages.path import PATH_TYPE
 from twinscrew.runtime.messages.simple import CLOCK_TYPE, ENGAGEMENT_TYPE, THRUST_TYPE
 from twinscrew.runtime.messages.transforms import TRANSFORMS_TYPE
 
+SMALL_B: Final = 16_384
+"""[B] The most of a message without lists: ten times the largest, an Odometry with two frames of
+255 letters. What is larger is no such message, and would be copied and recorded all the same."""
+ROUTE_B: Final = 2_000_000
+"""[B] The most of a route: 4096 places, each with a frame of 255 letters, have 1.4 MB."""
+
 KeyFormat: TypeAlias = Literal["ros2dds", "rmw_zenoh"]
 KEY_FORMATS: Final[tuple[KeyFormat, ...]] = ("ros2dds", "rmw_zenoh")
 
@@ -63,6 +69,8 @@ class Topic:
     """[s] Older than this it is stale; None: it never is."""
     depth: int = 1
     """[-] How many unread messages are kept, the newest ones."""
+    largest_b: int | None = None
+    """[B] Larger messages are thrown away unread; None: the bus's `max_message_mb` alone counts."""
     core: bool = False
     """True if the core takes it in: a recording of these topics is enough for a replay."""
 
@@ -90,6 +98,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 rate_hz=20.0,
                 max_age_s=0.3,
                 depth=64,
+                largest_b=SMALL_B,
                 core=True,
             ),
             Topic(
@@ -100,6 +109,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 traffic=Traffic.SENSOR,
                 rate_hz=20.0,
                 depth=32,
+                largest_b=SMALL_B,
             ),
             Topic(
                 name="imu",
@@ -109,6 +119,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 traffic=Traffic.SENSOR,
                 rate_hz=100.0,
                 depth=128,
+                largest_b=SMALL_B,
             ),
             Topic(
                 name="goal",
@@ -116,7 +127,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=GOAL_TYPE,
                 direction=Direction.IN,
                 traffic=Traffic.COMMAND,
-                depth=8,
+                largest_b=SMALL_B,
                 core=True,
             ),
             Topic(
@@ -125,7 +136,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=PATH_TYPE,
                 direction=Direction.IN,
                 traffic=Traffic.COMMAND,
-                depth=8,
+                largest_b=ROUTE_B,
                 core=True,
             ),
             Topic(
@@ -135,6 +146,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 direction=Direction.OUT,
                 traffic=Traffic.STATUS,
                 depth=8,
+                largest_b=SMALL_B,
                 core=True,
             ),
             Topic(
@@ -144,6 +156,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 direction=Direction.IN,
                 traffic=Traffic.SENSOR,
                 rate_hz=20.0,
+                largest_b=SMALL_B,
             ),
             Topic(
                 name="thrust_left",
@@ -153,6 +166,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 traffic=Traffic.COMMAND,
                 rate_hz=20.0,
                 max_age_s=0.5,
+                largest_b=SMALL_B,
             ),
             Topic(
                 name="thrust_right",
@@ -162,6 +176,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 traffic=Traffic.COMMAND,
                 rate_hz=20.0,
                 max_age_s=0.5,
+                largest_b=SMALL_B,
             ),
             Topic(
                 name="decision",

@@ -21,6 +21,9 @@ HEADER: Final = b"\x00\x01\x00\x00"
 HEADER_SIZE: Final = len(HEADER)
 MAX_PADDING: Final = 3
 """[B] A payload may be padded to a multiple of four (DDS-XTypes 1.3, 7.6.3.1.2)."""
+LONGEST_NAME: Final = 255
+"""[B] Of a frame or a field: the longest name that DDS allows a topic. Names are kept, compared and
+recorded again with every transform, so a long one would be paid for many times."""
 
 T = TypeVar("T", bound=np.generic)
 ByteOrder: TypeAlias = Literal["<", ">"]
@@ -69,6 +72,11 @@ class Reader:
         self._at = start + size
         return start
 
+    def ahead(self, size: int) -> memoryview | None:
+        """Give the next `size` bytes without stepping over them; None if there are fewer."""
+        end = self._at + size
+        return self._data[self._at : end] if end <= len(self._data) else None
+
     def values(self, layout: str, align: int) -> tuple[Any, ...]:
         """Read a fixed run of numbers; `layout` is `struct`'s, without a byte order."""
         record = _record(self.order, layout)
@@ -89,9 +97,23 @@ class Reader:
             raise self.fail(f"{value} is not a bool")
         return value == 1
 
-    def string(self) -> str:
-        """Read a string: its length with the final zero byte, then its bytes in UTF-8."""
+    def name(self) -> str:
+        """Read a string that is at most `LONGEST_NAME` bytes long."""
+        return self.string(LONGEST_NAME)
+
+    def string(self, longest: int | None = None) -> str:
+        """Read a string: its length with the final zero byte, then its bytes in UTF-8.
+
+        Parameters
+        ----------
+        longest
+            [B] A longer one is refused before it is read.
+        """
         size = self.uint32()
+        if longest is not None and size > longest + 1:
+            raise self.fail(
+                f"a name of {size - 1} bytes is too long: at most {longest} are allowed"
+            )
         if size == 0:
             return ""
         start = self.take(size)

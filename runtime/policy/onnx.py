@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from twinscrew.runtime.errors import PolicyError
+from twinscrew.runtime.files import read_file
 from twinscrew.runtime.messages.types import Float32, Float64, Observation
 from twinscrew.runtime.policy.metadata import (
     INPUT_SHAPES,
@@ -118,7 +119,7 @@ class OnnxPolicy:
 
 def _read(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return read_file(path)
     except OSError as error:
         raise PolicyError(f"cannot be read: {error.strerror or error}") from error
 

@@ -1,9 +1,9 @@
 """What an ONNX file contains, read from its bytes before anything of it is run.
 
-ONNX Runtime would fetch weights from other files and accept operators beyond the standard's; a
-policy must be one file of standard operators, that ends, and answers the same again. An ONNX file
-is a Protocol Buffers message, so a short walk over its fields finds what is not, without the onnx
-package on the boat.
+ONNX Runtime would fetch weights from other files and run any operator that it knows; a policy must
+be one file of operators that are known to end and to answer the same again (`ALLOWED`). An ONNX
+file is a Protocol Buffers message, so a short walk over its fields finds what is not, without the
+onnx package on the boat.
 
 Source: onnx.proto3 (field numbers), Protocol Buffers encoding (wire types).
 """
@@ -15,9 +15,10 @@ from collections.abc import Iterator
 from twinscrew.runtime.errors import PolicyError
 
 _CHILDREN: dict[str, dict[int, str]] = {
-    "model": {7: "graph", 25: "function"},
+    "model": {7: "graph", 20: "training", 25: "function"},
+    "training": {1: "graph", 2: "graph"},
     "graph": {1: "node", 5: "tensor", 15: "sparse"},
-    "function": {7: "node"},
+    "function": {7: "node", 11: "attribute"},
     "node": {5: "attribute"},
     "attribute": {5: "tensor", 6: "graph", 10: "tensor", 11: "graph", 22: "sparse", 23: "sparse"},
     "sparse": {1: "tensor", 2: "tensor"},
@@ -28,21 +29,37 @@ _NODE_OPERATOR, _NODE_DOMAIN = 4, 7
 _TENSOR_EXTERNAL_DATA, _TENSOR_DATA_LOCATION = 13, 14
 _EXTERNAL = 1
 _STANDARD_DOMAINS = ("", "ai.onnx")
-_REFUSED = {
-    **dict.fromkeys(("Loop", "Scan"), "it may never end"),
+_ARITHMETIC = """Abs Add Ceil Clip Cos CumSum Div Exp Floor Log Max Mean Min Mod Mul Neg Pow
+Reciprocal Round Sign Sin Sqrt Sub Sum Tan Acos Acosh Asin Asinh Atan Atanh Cosh Sinh Erf"""
+_LAYERS = """BatchNormalization Celu Conv Elu Einsum GRU Gelu Gemm GroupNormalization HardSigmoid
+HardSwish InstanceNormalization LSTM LayerNormalization LeakyRelu LogSoftmax LpNormalization MatMul
+MeanVarianceNormalization Mish PRelu RMSNormalization RNN Relu Selu Sigmoid Softmax Softplus
+Softsign Swish Tanh ThresholdedRelu AveragePool GlobalAveragePool GlobalMaxPool MaxPool"""
+_REDUCTIONS = """ArgMax ArgMin ReduceL1 ReduceL2 ReduceLogSum ReduceLogSumExp ReduceMax ReduceMean
+ReduceMin ReduceProd ReduceSum ReduceSumSquare TopK"""
+_LOGIC = """And Equal Greater GreaterOrEqual If IsInf IsNaN Less LessOrEqual Not Or Where Xor"""
+_SHAPES = """Cast CastLike Compress Concat Constant ConstantOfShape Expand EyeLike Flatten Gather
+GatherElements GatherND Identity OneHot Pad Range Reshape ScatterElements ScatterND Shape Size Slice
+Split Squeeze Tile Transpose Trilu Unsqueeze NonZero"""
+ALLOWED = frozenset(" ".join((_ARITHMETIC, _LAYERS, _REDUCTIONS, _LOGIC, _SHAPES)).split())
+"""Standard operators that a policy may have: what networks and their normalisation are made of.
+Each ends, and gives the same for the same."""
+_WHY_NOT = {
+    **dict.fromkeys(("Loop", "Scan", "SequenceMap"), "it may never end"),
     **dict.fromkeys(
         (
             "Bernoulli",
+            "Dropout",
             "Multinomial",
             "RandomNormal",
             "RandomNormalLike",
             "RandomUniform",
             "RandomUniformLike",
         ),
-        "a replay would not give the same decisions",
+        "it draws by chance, and a replay would not give the same decisions",
     ),
 }
-"""Standard operators that a policy cannot have, and why."""
+"""What is wrong with those that somebody may miss."""
 _DEEPEST = 32
 """[-] Messages within messages; a policy needs four."""
 
@@ -55,7 +72,8 @@ def refuse_foreign_parts(data: bytes) -> None:
     Raises
     ------
     PolicyError
-        Not an ONNX file, weights outside the file, operators outside the standard, loops or chance.
+        Not an ONNX file, weights outside the file, or an operator that is not `ALLOWED`, as loops
+        and chance are not, wherever in the file they are.
     """
     fields = 0
     for message, number, value in _walk("model", memoryview(data), 0):
@@ -84,13 +102,18 @@ def _walk(message: str, data: memoryview, depth: int) -> Iterator[tuple[str, int
         elif message == "node" and isinstance(value, memoryview):
             operator = _text(value) if number == _NODE_OPERATOR else operator
             domain = _text(value) if number == _NODE_DOMAIN else domain
+    if message == "node":
+        _check_operator(operator, domain)
+
+
+def _check_operator(operator: str, domain: str) -> None:
     if domain not in _STANDARD_DOMAINS:
         raise PolicyError(
             f"operator {operator!r} of domain {domain!r}; allowed: the standard domain 'ai.onnx'"
         )
-
-    if operator in _REFUSED:
-        raise PolicyError(f"operator {operator!r}: {_REFUSED[operator]}; allowed: none such")
+    if operator not in ALLOWED:
+        why = _WHY_NOT.get(operator, "not one of those that are known to answer the same again")
+        raise PolicyError(f"operator {operator!r}: {why}; allowed: {', '.join(sorted(ALLOWED))}")
 
 
 def _text(value: memoryview) -> str:

@@ -10,8 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 
 from twinscrew.runtime._native import Law
 from twinscrew.runtime.messages.types import (
@@ -86,11 +88,11 @@ class AssuranceSettings(Settings, frozen=True):
 
     enabled: bool = True
     """Whether commands are checked."""
-    horizon_s: Positive = 4.0
+    horizon_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 4.0
     """[s] How far ahead: stopping from full ahead takes 2.5 s, the propellers' turning included."""
-    moving_horizon_s: Positive = 1.5
+    moving_horizon_s: Annotated[float, Meta(gt=0.0, le=60.0)] = 1.5
     """[s] The same for what moves: later than that it, too, may have turned or stopped."""
-    step_s: Positive = 0.1
+    step_s: Annotated[float, Meta(ge=0.01, le=1.0)] = 0.1
     """[s] Time step of the prediction."""
     wait_s: NonNegative = 0.3
     """[s] A command is let pass while a manoeuvre that begins this much later avoids contact."""

@@ -1,5 +1,6 @@
 #!/bin/sh
-# Fuzzes the native code with libFuzzer, AddressSanitizer and UBSan:
+# Fuzzes the native code with libFuzzer, AddressSanitizer and UBSan, then a whole boat by messages
+# made with a grammar (messages.py):
 #   run.sh [seconds a target] [--skip-without-clang]
 # FUZZ_TARGETS names the targets, if not all.
 # Needs clang, which is installed by apt if it is missing, or with the flag nothing is done then.
@@ -7,6 +8,9 @@
 set -eu
 cd "$(dirname "$0")/../.."
 seconds="${1:-300}"
+case " ${FUZZ_TARGETS:-messages} " in
+  *" messages "*) .venv/bin/python tests/fuzz/messages.py "$seconds" ;;
+esac
 clang="${CLANGXX:-clang++}"
 if ! command -v "$clang" >/dev/null; then
   if [ "${2:-}" = "--skip-without-clang" ]; then
@@ -23,6 +27,7 @@ if ! command -v "$clang" >/dev/null; then
 fi
 mkdir -p build/fuzz
 for target in ${FUZZ_TARGETS:-decoder kernel shift tracking assurance}; do
+  [ "$target" != messages ] || continue
   corpus="build/fuzz/$target.corpus"
   mkdir -p "$corpus"
   "$clang" -std=c++20 -O1 -g -Wall -Wextra -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \

@@ -4,11 +4,15 @@ import os
 import shlex
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 from tests.harness.commands import TWINSCREW, twinscrew
 
+from twinscrew.runtime.settings import CONFIG_DIR
+
+AC_IQN = str(CONFIG_DIR / "training" / "ac_iqn.toml")
 DATA = str(Path(__file__).parents[2] / "docs" / "data" / "ac_iqn")
 COMMANDS = ("sitl", "run", "train", "export", "evaluate", "replay", "bench", "doctor")
 HEAVY = ("torch", "matplotlib", "onnxruntime", "scipy", "zenoh", "twinscrew.hil_sim")
@@ -67,11 +71,81 @@ def test_every_command_has_help(command: str) -> None:
         ("replay",),
     ],
 )
-def test_wrong_usage_is_status_2_and_silent_on_standard_output(words: tuple[str, ...]) -> None:
+def test_wrong_usage_is_status_2_and_one_line_that_says_where_help_is(
+    words: tuple[str, ...],
+) -> None:
     done = twinscrew(*words)
     assert done.returncode == 2
     assert done.stdout == ""
-    assert done.stderr
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("twinscrew: error: ")
+    assert line.endswith("--help')")
+
+
+def test_without_a_word_it_shows_its_help_and_is_content() -> None:
+    bare, asked, short = twinscrew(), twinscrew("--help"), twinscrew("-h")
+    assert (bare.returncode, bare.stderr) == (0, "")
+    assert bare.stdout == asked.stdout == short.stdout
+    group, of_group = twinscrew("manifest"), twinscrew("manifest", "-h")
+    assert (group.returncode, group.stderr) == (0, "")
+    assert group.stdout == of_group.stdout
+
+
+def test_it_says_its_version() -> None:
+    assert twinscrew("--version").stdout == f"twinscrew {version('twinscrew')}\n"
+
+
+def test_units_in_brackets_are_in_the_help() -> None:
+    assert "[s]" in twinscrew("doctor", "-h").stdout
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ("twinscrew repl", ["replay"]),
+        ("twinscrew train", ["train", "train-report"]),
+        ("twinscrew run --conf", ["--config"]),
+        ("twinscrew manifest ver", ["verify"]),
+    ],
+)
+def test_a_shell_completes_commands_and_options(line: str, found: list[str]) -> None:
+    done = twinscrew(
+        _TWINSCREW_COMPLETE="complete_bash",
+        COMP_WORDS=line,
+        COMP_CWORD=str(len(line.split()) - 1),
+    )
+    assert done.stdout.split() == found
+
+
+def test_completing_a_commands_name_loads_nothing_heavy() -> None:
+    completing = {"_TWINSCREW_COMPLETE": "complete_bash", "COMP_CWORD": "1"}
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in {**completing, "COMP_WORDS": "twinscrew ev"}.items():
+            patch.setenv(name, value)
+        assert loaded_by() == []
+
+
+INTERRUPTED = """
+import sys
+
+class CtrlC:
+    def find_spec(self, name, path=None, target=None):
+        if name == package:
+            raise KeyboardInterrupt
+
+package, sys.argv = sys.argv[1], ["twinscrew", "doctor", "--json"]
+sys.meta_path.insert(0, CtrlC())
+from twinscrew.runtime.app.__main__ import main
+main()
+"""
+
+
+@pytest.mark.parametrize("package", ["typer", "numpy", "zenoh", "onnxruntime"])
+def test_ctrl_c_while_a_package_is_loaded_leaves_no_traceback(package: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED, package], capture_output=True, text=True, timeout=250
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "")
 
 
 @pytest.mark.parametrize(
@@ -86,6 +160,8 @@ def test_wrong_usage_is_status_2_and_silent_on_standard_output(words: tuple[str,
         (("bench", "--only", "everything"), ["--only", "everything", "latency"]),
         (("doctor", "--config", "none.toml"), ["none.toml"]),
         (("manifest", "keys", f"{__file__}/keys"), [f"{__file__}/keys", "Not a directory"]),
+        (("run", "--config", "/dev/zero"), ["/dev/zero", "more than 16 MB"]),
+        (("train", AC_IQN, "--seeds", "9" * 30), ["--seeds", "at most 4294967295"]),
         (("train-report", DATA, "--out", __file__), [__file__, "File exists"]),
     ],
 )

@@ -16,6 +16,7 @@ from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings, zenoh_config
 from twinscrew.runtime.errors import BusError
+from twinscrew.runtime.messages.topics import TOPICS
 
 ECHO = textwrap.dedent(
     """
@@ -166,6 +167,24 @@ def test_a_message_that_is_too_large_is_counted_and_thrown_away(simulator, endpo
         assert [len(m.payload) for m in gather(inbox, 1)] == [1000]
         assert boat.refused == 1
         assert boat.missing == {"points too large": 1}
+    finally:
+        boat.close()
+
+
+def test_a_message_larger_than_any_of_its_topic_is_counted_and_thrown_away(simulator, endpoint):
+    boat = ZenohBus(ZenohSettings(connect=(endpoint,)), "wamv1")
+    inbox = Inbox()
+    inbox.listen(boat, ("odometry", "route"))
+    try:
+        assert simulator.wait_for_subscribers(("odometry", "route"), 20)
+        for topic in ("odometry", "route"):
+            largest = TOPICS[topic].largest_b
+            simulator.publish(topic, bytes(largest + 1))
+            simulator.publish(topic, bytes(largest))
+        assert [len(m.payload) for m in gather(inbox, 2)] == [
+            TOPICS[topic].largest_b for topic in ("odometry", "route")
+        ]
+        assert boat.missing == {"odometry too large": 1, "route too large": 1}
     finally:
         boat.close()
 

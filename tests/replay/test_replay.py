@@ -9,9 +9,11 @@ from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import onnx
 import pytest
+import typer
 from rosbags.rosbag2 import StoragePlugin, Writer
 from tests.harness.boat import SECOND, cloud, odometry, stamp
 from tests.harness.circling import EPOCH_NS, Circling
@@ -87,7 +89,7 @@ def rough_afternoon() -> Iterator[tuple[str, bytes]]:
 def record(folder: Path, config: RuntimeConfig = CONFIG) -> str:
     core = make_core(config)
     metadata = metadata_of(config, core.pipeline.policy)
-    with Recorder(folder, config.name, metadata, lossless=True) as recorder:
+    with Recorder(folder, config.name, metadata, config.recording, lossless=True) as recorder:
         outlet = Outlet(None, recorder, clock_ns=lambda: 0)
         for topic, payload in rough_afternoon():
             outlet.record(topic, payload)
@@ -96,6 +98,25 @@ def record(folder: Path, config: RuntimeConfig = CONFIG) -> str:
                 outlet.decided(outcome.decision, outcome.decision.thrust)
     assert outlet.decisions > 100
     return outlet.sha256
+
+
+def test_a_replay_says_which_part_of_the_recording_is_not_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The quota deletes the oldest files; somebody may move any."""
+    settings = {"rotate_mb": 0.02}
+    config = convert({**msgspec.to_builtins(CONFIG), "recording": settings}, RuntimeConfig)
+    record(tmp_path / "bag", config)
+    files = sorted((tmp_path / "bag").glob("*.mcap"), key=lambda f: int(f.stem.split("_")[-1]))
+    assert len(files) > 4
+    assert only(tmp_path).missing == ()
+    files[2].unlink()
+    assert only(tmp_path).missing == ("part",)
+    files[0].unlink()
+    assert only(tmp_path).missing == ("beginning", "part")
+    with pytest.raises(typer.Exit):
+        replay_command(tmp_path, config=None, policy=None, topics=None, as_json=False)
+    assert "its beginning is missing" in " ".join(capsys.readouterr().out.split())
 
 
 def test_every_vessel_of_a_run_decides_the_same_again(run: tuple[Path, str]) -> None:

@@ -12,6 +12,7 @@ app = typer.Typer(
     help="Write, sign and check the list of files that a boat's runtime may read.",
     no_args_is_help=True,
     add_completion=False,
+    rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
 List = Annotated[Path, typer.Argument(help="The manifest.")]

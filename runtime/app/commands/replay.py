@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from twinscrew.runtime.app.replay import Replay
 
 DIFFERENT = 1
+MISSING = {
+    "beginning": "its beginning is missing (the oldest files go beyond the quota)",
+    "part": "a file in its middle is missing",
+}
 
 
 def replay(
@@ -61,6 +65,7 @@ def _as_dict(replays: list[Replay], sha256: str, same: bool) -> dict[str, object
                 "recorded_decisions": r.recorded_decisions,
                 "same": r.same,
                 "whole": r.whole,
+                "missing": list(r.missing),
                 "refused": {name: asdict(what) for name, what in r.refused.items()},
             }
             for r in replays
@@ -83,6 +88,8 @@ def _print(replays: list[Replay], sha256: str) -> None:
         )
     Console().print(table)
     for r in replays:
+        for part in r.missing:
+            print(f"{r.vessel}: {MISSING[part]}: the decisions after that need not be the same")
         for name, what in r.refused.items():
             print(f"{r.vessel}: {name} {what.count} times" + (what.first and f": {what.first}"))
     print(f"decisions_sha256 {sha256}")

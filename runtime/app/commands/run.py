@@ -14,6 +14,7 @@ from twinscrew.runtime.app import one_thread  # noqa: F401  (before anything loa
 from twinscrew.runtime.app.approval import Approved, load_approved
 from twinscrew.runtime.app.stopping import StopRequest
 from twinscrew.runtime.app.tether import at_end_of_input
+from twinscrew.runtime.files import only_approved
 
 
 def run(
@@ -48,7 +49,8 @@ def sail(approved: Approved, stop: Callable[[], bool], *, source: Path) -> None:
     for words in refused:
         print(f"{config.name}: ordinary priority: {words}", file=sys.stderr, flush=True)
     approval = str(approved.approval or "")
-    with Session(config, source=source, stop=stop, refused=refused, approval=approval) as session:
+    session = Session(config, source=source, stop=stop, refused=refused, approval=approval)
+    with only_approved(approved.contents), session:
         print(f"{config.name}: running", file=sys.stderr, flush=True)
         session.loop.run(stop)
     summary = session.write_summary()

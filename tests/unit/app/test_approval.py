@@ -1,18 +1,26 @@
 """Only approved files are read: the manifest, its signature, and that no file escapes it."""
 
+import hashlib
 import json
+import os
 import shutil
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
 
 from twinscrew.runtime.app.approval import check_manifest, files_of, load_approved
+from twinscrew.runtime.app.assemble import make_controller
 from twinscrew.runtime.app.config import load_config
+from twinscrew.runtime.bus.zenoh_config import zenoh_config
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.files import only_approved
 from twinscrew.runtime.integrity.manifest import manifest_text
 from twinscrew.runtime.integrity.minisign import make_key, sign, write_keys
+from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.settings import CONFIG_DIR
 
 SECRET = make_key()
@@ -168,6 +176,51 @@ def test_a_key_without_a_manifest_is_refused(dock: Dock) -> None:
 def test_a_manifest_that_is_not_there_is_named(dock: Dock) -> None:
     with pytest.raises(ConfigError, match=r"none\.toml: No such file"):
         load_approved(dock.config, dock.config.with_name("none.toml"))
+
+
+def test_what_is_read_after_the_check_is_what_was_checked(dock: Dock) -> None:
+    approved = load_approved(dock.config, dock.manifest, dock.public_key)
+    checked = hashlib.sha256(dock.policy.read_bytes()).hexdigest()
+    for file in (dock.config, dock.policy, dock.zenoh):
+        file.write_bytes(b"evil")
+    with only_approved(approved.contents):
+        policy = make_controller(approved.config).core.pipeline.policy
+        zenoh_config(approved.config.bus)
+        assert load_config(dock.config) == approved.config
+    assert policy.sha256 == checked
+    with pytest.raises(ConfigError, match="not a Zenoh configuration"):
+        zenoh_config(approved.config.bus)
+
+
+def test_a_configuration_that_asks_for_a_manifest_itself_is_the_one_that_is_compared(
+    dock: Dock,
+) -> None:
+    """A pipe shows another content to the first who reads than to those after him."""
+    dock.configure('[integrity]\nmanifest = "manifest.toml"\n')
+    approved = dock.config.read_bytes()
+    dock.config.unlink()
+    os.mkfifo(dock.config)
+
+    def write() -> None:
+        for content in (approved + b"# evil", approved):
+            dock.config.write_bytes(content)
+            time.sleep(0.1)  # or the same reader would have both
+
+    threading.Thread(target=write, daemon=True).start()
+    with pytest.raises(ConfigError, match=r"boat\.toml has changed"):
+        load_approved(dock.config)
+
+
+def test_a_file_that_nobody_approved_is_not_read_at_all(dock: Dock) -> None:
+    approved = load_approved(dock.config, dock.manifest)
+    other = dock.policy.with_name("other.onnx")
+    shutil.copy(dock.policy, other)
+    with (
+        only_approved(approved.contents),
+        pytest.raises(ConfigError, match=r"other\.onnx: is read, but nobody approved it"),
+    ):
+        load_policy(other)
+    load_policy(other)
 
 
 WATCHED = """

@@ -1,5 +1,6 @@
 import gc
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -178,6 +179,31 @@ def test_the_oldest_files_go_when_the_quota_is_used_up(tmp_path):
     times = [time_ns for _, _, time_ns in inputs(tmp_path)]
     assert times == list(range(times[0], 101))
     assert times[0] > 50
+
+
+def test_a_finished_file_that_is_moved_away_does_not_end_the_recording(tmp_path):
+    bag, elsewhere = tmp_path / "bag", tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    settings = RecorderSettings(rotate_mb=0.1, quota_mb=0.3)
+    with Recorder(bag, "wamv1", {}, settings, lossless=True) as recorder:
+        for number in range(100):
+            recorder.record("points", bytes(20_000), 1 + number)
+            if number in (20, 40, 60):
+                first = min(bag.glob("*.mcap"), key=lambda file: file.stat().st_mtime_ns)
+                first.rename(elsewhere / first.name)
+    assert len(list(elsewhere.iterdir())) == 3
+    assert inputs(bag)[-1][2] == 100
+    with Reader(bag) as reader:  # its metadata name no file that is not there
+        assert reader.message_count == len(inputs(bag))
+
+
+def test_a_folder_that_becomes_unreadable_is_told_and_not_a_traceback(tmp_path):
+    bag = tmp_path / "bag"
+    recorder = Recorder(bag, "wamv1", {}, RecorderSettings(rotate_mb=0.01), lossless=True)
+    recorder.record("points", bytes(20_000), 1)
+    shutil.rmtree(bag)
+    with pytest.raises(RecordingError, match="bag"):
+        recorder.record("points", bytes(20_000), 2)
 
 
 def test_memory_does_not_grow_with_the_files_that_are_closed(tmp_path):

@@ -1,5 +1,7 @@
 import threading
 
+import pytest
+
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.bus.memory import MemoryBus
@@ -38,6 +40,19 @@ def test_a_loop_that_never_looks_fills_no_memory():
     assert len(kept) == depth
     assert kept[-1].payload == b"%d" % (10 * depth - 1)
     assert inbox.passed_over == {"odometry": 9 * depth}
+
+
+@pytest.mark.parametrize("topic", ["goal", "route"])
+def test_of_the_orders_that_come_at_once_only_the_newest_is_worked_on(topic):
+    inbox = Inbox()
+    put(inbox, *((topic, b"%d" % i) for i in range(1000)))
+    assert contents(inbox.wait(0)) == [(topic, b"999")]
+
+
+def test_a_goal_and_a_route_that_come_at_once_come_out_as_they_came_in():
+    inbox = Inbox()
+    put(inbox, ("route", b"1"), ("goal", b"2"), ("route", b"3"))
+    assert contents(inbox.wait(0)) == [("goal", b"2"), ("route", b"3")]
 
 
 def test_what_was_read_does_not_count_as_unread():

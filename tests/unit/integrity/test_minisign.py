@@ -156,6 +156,8 @@ def test_keys_are_not_written_over_others(pair: tuple[Path, Path]) -> None:
 
 
 def test_a_comment_cannot_hold_a_line_of_its_own() -> None:
+    with pytest.raises(ConfigError, match="a comment is UTF-8"):
+        sign(b"x", make_key(), "caf\udce9")
     with pytest.raises(ConfigError, match="one line"):
         sign(b"", SECRET, "said\nand more")
 

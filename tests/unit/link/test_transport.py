@@ -2,12 +2,18 @@ import os
 import pty
 import select
 import socket
+import threading
+from contextlib import ExitStack
 
 import pytest
+from tests.harness.work import calls_of
 
 from twinscrew.runtime.errors import LinkError
-from twinscrew.runtime.link.sockets import PEER_SILENT_S, UdpTransport
+from twinscrew.runtime.link.commands import heartbeat
+from twinscrew.runtime.link.signing import Signing
+from twinscrew.runtime.link.sockets import ENOUGH, PEER_SILENT_S, UdpTransport
 from twinscrew.runtime.link.transport import await_transport, open_transport
+from twinscrew.runtime.link.wire import Wire
 
 LOOPBACK = "127.0.0.1"
 
@@ -50,6 +56,131 @@ def test_a_listener_keeps_to_its_peer_until_he_is_silent():
         now_s[0] += PEER_SILENT_S + 0.1
         stranger.send(b"heir")
         assert wait_for(listener) == b"heir"
+
+
+def test_one_call_reads_no_more_of_a_flood_than_it_can_work_on_and_the_rest_comes_later():
+    with UdpTransport(LOOPBACK, 0, listens=True) as listener, caller(listener) as peer:
+        datagram = bytes(8000)
+        for _ in range(8):
+            peer.send(datagram)
+        first = wait_for(listener)
+        assert len(first) < ENOUGH + len(datagram)
+        heard = len(first)
+        while heard < 8 * len(datagram):
+            heard += len(wait_for(listener))
+
+
+def test_tcp_reads_no_more_of_a_flood_in_one_call_than_it_can_work_on():
+    with (
+        socket.create_server((LOOPBACK, 0)) as server,
+        open_transport(f"tcp:{LOOPBACK}:{server.getsockname()[1]}") as transport,
+    ):
+        other, _ = server.accept()
+        with other:
+            sent = bytes(10 * ENOUGH)
+            writer = threading.Thread(target=other.sendall, args=(sent,))
+            writer.start()
+            heard = 0
+            while heard < len(sent):
+                data = wait_for(transport)
+                assert len(data) < 2 * ENOUGH
+                heard += len(data)
+            writer.join()
+
+
+AUTOPILOT = (1, 1)
+RUBBISH = (
+    b"12345",
+    b"\xfd" * 300,
+    Wire(7, 1).encode(heartbeat()),
+    Wire(1, 190).encode(heartbeat()),
+    Wire(*AUTOPILOT).encode(heartbeat())[:-1],
+)
+"""What is not the autopilot's: noise, another vehicle, its companion, a frame that was cut."""
+
+
+class Harbour:
+    """A link's listener, its autopilot and a stranger, with a clock that the test turns."""
+
+    def __init__(self, stack, key=None):
+        self.now_s = 0.0
+        self.signing = None if key is None else Signing(key)
+        self.link = Wire(1, 191, self.signing)
+        self.listener = stack.enter_context(
+            UdpTransport(
+                LOOPBACK,
+                0,
+                listens=True,
+                recognises=self.link.recognises,
+                clock=lambda: self.now_s,
+            )
+        )
+        self.autopilot, self.stranger = (stack.enter_context(caller(self.listener)) for _ in "ab")
+
+    def hears(self, sender, datagram):
+        """Let somebody send; give what the listener reads."""
+        sender.send(datagram)
+        return wait_for(self.listener)
+
+    def answers(self, sender):
+        """Tell whether what we send goes to somebody."""
+        self.listener.send(b"ahoy")
+        ready, _, _ = select.select([sender], [], [], 0.2)
+        return bool(ready) and b"ahoy" in sender.receive()
+
+
+@pytest.fixture
+def stack():
+    with ExitStack() as stack:
+        yield stack
+
+
+@pytest.mark.parametrize("key", [None, bytes(32)], ids=["unsigned", "signed"])
+def test_whoever_is_not_the_autopilot_never_becomes_the_peer(stack, key):
+    harbour = Harbour(stack, key)
+    autopilot = Wire(*AUTOPILOT, None if key is None else Signing(key))
+    forgeries = (Wire(*AUTOPILOT, Signing(b"another" * 4 + b"keys")), Wire(*AUTOPILOT))
+    signed = () if key is None else tuple(wire.encode(heartbeat()) for wire in forgeries)
+    for datagram in (*RUBBISH, *signed):
+        harbour.now_s += 0.2
+        assert harbour.hears(harbour.stranger, datagram) == datagram  # so that it can be counted
+        assert not harbour.answers(harbour.stranger)
+    frame = autopilot.encode(heartbeat())
+    assert harbour.hears(harbour.autopilot, b"\x00" * 5 + frame)[5:] == frame
+    assert harbour.answers(harbour.autopilot)
+
+
+def test_rubbish_from_its_own_address_does_not_keep_the_place_of_an_autopilot_that_moved(stack):
+    harbour = Harbour(stack)
+    frame = Wire(*AUTOPILOT).encode(heartbeat())
+    harbour.hears(harbour.stranger, frame)  # its address until now
+    for _ in range(20):
+        harbour.now_s += 0.2
+        harbour.hears(harbour.stranger, b"12345")
+    assert harbour.hears(harbour.autopilot, frame) == frame
+    assert harbour.answers(harbour.autopilot)
+    assert not harbour.answers(harbour.stranger)
+
+
+def test_what_the_autopilot_once_signed_gives_no_stranger_its_place(stack):
+    harbour = Harbour(stack, bytes(32))
+    old = Wire(*AUTOPILOT, Signing(bytes(32))).encode(heartbeat())
+    assert len(harbour.link.decode(harbour.hears(harbour.autopilot, old))) == 1
+    harbour.now_s += PEER_SILENT_S + 0.1
+    assert harbour.link.decode(harbour.hears(harbour.stranger, old)) == []
+    assert not harbour.answers(harbour.stranger)
+    assert harbour.answers(harbour.autopilot)
+
+
+def test_to_recognise_a_datagram_takes_little_work_and_changes_nothing():
+    link = Wire(1, 191, Signing(bytes(32)))
+    for datagram in (b"\xfd" * 65_507, b"\xfd\x00\x01" * 21_000, bytes(65_507)):
+        assert calls_of(lambda datagram=datagram: link.recognises(datagram)) < 1000
+    frame = Wire(*AUTOPILOT, Signing(bytes(32))).encode(heartbeat())
+    assert [link.recognises(frame) for _ in range(2)] == [True, True]
+    assert len(link.decode(frame)) == 1
+    assert link.bad_frames == 0
+    assert not link.recognises(frame)
 
 
 def test_calling_where_nobody_listens_yet_is_no_error():

@@ -1,11 +1,14 @@
 import struct
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from tests.harness.work import calls_of
 
 from twinscrew.runtime.link.commands import heartbeat
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.link.signing import Signing
+from twinscrew.runtime.link.wire import MOST_FALSE_STARTS, MOST_MESSAGES, Wire
 
 
 def attitude(roll=0.1):
@@ -70,6 +73,36 @@ def test_a_message_that_the_dialect_does_not_know_is_left_out():
     unknown = struct.pack("<BBBBBBBHB", 253, 1, 0, 0, 0, 1, 1, 0xFFEE, 0xEF) + b"\x00\x12\x34"
     heard = Wire(2, 1).decode(unknown + Wire(1, 1).encode(heartbeat()))
     assert [m.get_type() for m in heard] == ["HEARTBEAT"]
+
+
+FALSE_STARTS = {
+    "starts and nothing else": b"\xfd",
+    "empty ones": b"\xfd\x00\x00",
+    "the longest": b"\xfd\xff\x00",
+    "signed ones": b"\xfd\x00\x01",
+    "heartbeats one within another": b"\xfd\xff\x00\x00\x00",
+    "heartbeats one after another": b"\xfd\x09\x00\x00\x00\x01\x01\x00\x00\x00" + bytes(11),
+}
+
+
+@pytest.mark.parametrize("signing", [None, Signing(bytes(32))], ids=["unsigned", "signed"])
+@pytest.mark.parametrize("false_start", FALSE_STARTS.values(), ids=FALSE_STARTS)
+def test_the_work_for_a_datagram_of_false_beginnings_is_bounded(false_start, signing):
+    datagram = (false_start * 65_536)[:65_507]  # the largest that UDP carries
+    ear, wire = Wire(2, 1, signing), Wire(1, 1, signing)
+    assert calls_of(lambda: ear.decode(datagram)) < 40 * MOST_FALSE_STARTS
+    assert calls_of(lambda: ear.decode(64 * datagram)) < 40 * MOST_FALSE_STARTS
+    assert ear.bad_frames
+    ear.decode(bytes(300))
+    assert [m.get_type() for m in ear.decode(wire.encode(heartbeat()))] == ["HEARTBEAT"]
+
+
+def test_the_messages_of_one_call_are_bounded_and_the_next_call_hears_again():
+    wire, ear = Wire(1, 1), Wire(2, 1)
+    flood = b"".join(wire.encode(heartbeat()) for _ in range(2 * MOST_MESSAGES))
+    assert len(ear.decode(flood)) == MOST_MESSAGES
+    assert ear.bad_frames == 1
+    assert [m.roll for m in ear.decode(wire.encode(attitude(0.5)))] == [0.5]
 
 
 @given(st.lists(st.binary(max_size=300), max_size=8))

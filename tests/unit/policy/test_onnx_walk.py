@@ -8,7 +8,7 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from twinscrew.runtime.errors import PolicyError
-from twinscrew.runtime.policy.onnx_walk import refuse_foreign_parts
+from twinscrew.runtime.policy.onnx_walk import ALLOWED, refuse_foreign_parts
 
 FLOAT = TensorProto.FLOAT
 
@@ -58,7 +58,7 @@ EXTERNAL: dict[str, Place] = {
         graph([helper.make_node("Constant", [], ["y"], value=tensor(external=bad))])
     ),
     "a list in an attribute": lambda bad: helper.make_model(
-        graph([helper.make_node("Odd", [], ["y"], value=[tensor(external=bad)])])
+        graph([helper.make_node("Constant", [], ["y"], value=[tensor(external=bad)])])
     ),
     "a graph in a graph in a graph": lambda bad: helper.make_model(
         graph([within_if(graph([within_if(graph([], initializer=[tensor(external=bad)]))]))])
@@ -97,9 +97,28 @@ def test_operators_outside_the_standard_are_refused_wherever_they_hide(place: st
 
 
 @pytest.mark.parametrize(
-    ("operator", "why"), [("Loop", "never end"), ("Scan", "never end"), ("RandomNormal", "replay")]
+    ("operator", "why"),
+    [
+        ("Loop", "never end"),
+        ("Scan", "never end"),
+        ("SequenceMap", "never end"),
+        ("RandomNormal", "replay"),
+        ("Dropout", "replay"),
+        ("ImageDecoder", "not one of those that are known"),
+        ("", "not one of those that are known"),
+        ("OfNextYear", "not one of those that are known"),
+    ],
 )
-@pytest.mark.parametrize("place", ["the graph", "a graph in a graph", "a function"])
+@pytest.mark.parametrize(
+    "place",
+    [
+        "the graph",
+        "a graph in a graph",
+        "a function",
+        "what a function's attribute is by default",
+        "how to train it",
+    ],
+)
 def test_loops_and_chance_are_refused_wherever_they_hide(
     operator: str, why: str, place: str
 ) -> None:
@@ -110,9 +129,35 @@ def test_loops_and_chance_are_refused_wherever_they_hide(
         "a function": lambda: helper.make_model(
             graph([node(foreign=False)]), functions=[function([bad])]
         ),
+        "what a function's attribute is by default": lambda: by_default(bad),
+        "how to train it": lambda: to_train(bad),
     }[place]()
     with pytest.raises(PolicyError, match=f"operator '{operator}': .*{why}"):
         refuse_foreign_parts(made.SerializeToString())
+
+
+def by_default(bad: onnx.NodeProto) -> onnx.ModelProto:
+    made = function([node(foreign=False)])
+    made.attribute_proto.append(helper.make_attribute("branch", graph([bad])))
+    return helper.make_model(graph([node(foreign=False)]), functions=[made])
+
+
+def to_train(bad: onnx.NodeProto) -> onnx.ModelProto:
+    made = helper.make_model(graph([node(foreign=False)]))
+    made.training_info.add().algorithm.CopyFrom(graph([bad]))
+    return made
+
+
+def test_every_operator_that_is_allowed_is_one_of_the_standards() -> None:
+    standard = {schema.name for schema in onnx.defs.get_all_schemas() if schema.domain == ""}
+    assert standard >= ALLOWED
+
+
+def test_no_operator_that_is_allowed_is_said_to_be_of_chance_by_the_standard() -> None:
+    kinds = onnx.defs.OpSchema.NodeDeterminism.NonDeterministic
+    chance = {s.name for s in onnx.defs.get_all_schemas() if s.node_determinism == kinds}
+    assert chance
+    assert chance & ALLOWED == {"If"}  # what is in its branches is looked at, too
 
 
 def test_where_weights_lie_is_refused_even_if_the_file_says_that_they_are_here() -> None:

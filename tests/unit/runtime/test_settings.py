@@ -34,6 +34,8 @@ def test_defaults_need_no_file() -> None:
         ({"inner": {"gain": -1}}, ["boat.toml", "inner.gain", "-1", "> 0"]),
         ({"inner": {"gian": 1}}, ["boat.toml", "inner.gian", "unknown", "gain"]),
         ({"count": "three"}, ["boat.toml", "count", "three", "int"]),
+        ({"count": 2**31}, ["boat.toml", "count", "<= 2147483647"]),
+        ({"names": ["a", "b\0c"]}, ["boat.toml", "names[1]", "without zero bytes"]),
         ({"colour": 1}, ["boat.toml", "colour", "unknown", "inner, count, names, places, kind"]),
         ({"names": ["a", 2]}, ["boat.toml", "names[1]", "str"]),
         ({"kind": "c"}, ["boat.toml: kind: 'c' is not one of 'a', 'b'"]),

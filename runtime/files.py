@@ -1,0 +1,57 @@
+"""Reads the files that decide what a runtime does; where they must be approved, only as approved.
+
+Between a check of a file and its use somebody may change it. So an approved file is read once: what
+was read is compared with the manifest, kept, and given to whoever reads the file after that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from twinscrew.runtime.errors import ConfigError
+
+_approved: Mapping[Path, bytes] | None = None
+
+
+MOST_BYTES = 500_000_000
+"""[B] Of a file that decides anything: a large network has 10 MB."""
+
+
+def read_file(path: Path, most: int = MOST_BYTES) -> bytes:
+    """Read a file of a runtime's configuration, or give what was approved of it.
+
+    Parameters
+    ----------
+    most
+        [B] A larger file is refused, unread beyond this: a device may never end.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    ConfigError
+        It is too large; or only approved files may be read, and this is none of them.
+    """
+    if _approved is None:
+        with path.open("rb") as file:
+            content = file.read(most + 1)
+        if len(content) > most:
+            raise ConfigError(f"has more than {most / 1e6:g} MB", file=path)
+        return content
+    approved = _approved.get(path.resolve())
+    if approved is None:
+        raise ConfigError("is read, but nobody approved it", file=path)
+    return approved
+
+
+@contextmanager
+def only_approved(contents: Mapping[Path, bytes] | None) -> Iterator[None]:
+    """Let `read_file` give these contents, by absolute path, and nothing else; None: anything."""
+    global _approved
+    before, _approved = _approved, contents
+    try:
+        yield
+    finally:
+        _approved = before

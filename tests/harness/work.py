@@ -1,0 +1,24 @@
+"""How much work a call does, counted and not timed: the same on any machine, under any load."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from types import FrameType
+
+
+def calls_of(action: Callable[[], object]) -> int:
+    """Count the calls, of Python's and of C's functions, that an action makes."""
+    count = 0
+
+    def note(frame: FrameType, event: str, argument: object) -> None:
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    before = sys.getprofile()
+    sys.setprofile(note)
+    try:
+        action()
+    finally:
+        sys.setprofile(before)
+    return count
