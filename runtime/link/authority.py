@@ -205,6 +205,7 @@ class Authority:
         If it contradicts what is known, we neither drive nor ask until the next one that counts.
         """
         self._doubtful |= (mode, armed) != (self.mode, self.armed)
+        self.was_armed |= armed  # whenever that was
 
     def uptime(self, counted: int, unit_s: float, now_s: float) -> bool:
         """Take a time since boot of a frame not late; True if it shows that it has restarted.

@@ -9,7 +9,7 @@ from twinscrew.runtime.link.listener import Listener
 from twinscrew.runtime.link.parameters import GCS_ID, OTHER_NAMES
 from twinscrew.runtime.link.status import AutopilotStatus
 from twinscrew.runtime.messages.types import HealthEvent
-from twinscrew.runtime.safety.events import EventKind
+from twinscrew.runtime.safety.events import GREATEST_DETAIL, EventKind
 
 Holding = dict[EventKind, str]
 """The conditions that hold now, each with its detail in plain words."""
@@ -81,9 +81,10 @@ class Conditions:
     def changes(self, holding: Holding, stamp_ns: int) -> list[HealthEvent]:
         """Give an event for each condition that began, or is over."""
         begun = [
-            kind.at(stamp_ns, words)
+            kind.at(stamp_ns, part)
             for kind, words in holding.items()
             if kind not in self._held or (kind in TOLD_AGAIN and words != self._held[kind])
+            for part in _parts(words)
         ]
         over = [
             events.AUTOPILOT_RECOVERED.at(stamp_ns, kind.name)
@@ -92,6 +93,16 @@ class Conditions:
         ]
         self._held = holding
         return begun + over
+
+
+def _parts(words: str) -> list[str]:
+    """Divide a long list, so that no event's detail is cut."""
+    parts = [""]
+    for item in words.split("; "):
+        if parts[-1] and len(parts[-1]) + len(item) + 2 > GREATEST_DETAIL:
+            parts.append("")
+        parts[-1] += f"; {item}" if parts[-1] else item
+    return parts
 
 
 def _silence(status: AutopilotStatus) -> str:

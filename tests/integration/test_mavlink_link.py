@@ -378,6 +378,14 @@ def test_parameters_of_safety_that_are_not_read_yet_forbid_driving():
     assert boat.autopilot.thrust_command_N().tolist() == [400.0, 400.0]
 
 
+def test_every_wrong_parameter_is_named_however_many_there_are():
+    names = read_parm(SHIPPED).keys() - {"FRAME_CLASS", "SYSID_MYGCS"}
+    wrong = {name: read_parm(SHIPPED)[name] + 1.0 for name in names}
+    boat = Boat(rover={"parameters": wrong}).sail(10.0)
+    said = "; ".join(detail for _, name, detail in boat.story if name == "parameters_wrong")
+    assert {words.split()[0] for words in said.split("; ")} == names
+
+
 def test_every_wrong_parameter_is_named_and_those_that_come_later_too():
     wrong = {"MOT_SLEWRATE": 50.0, "FS_TIMEOUT": 5.0, "RC3_DZ": 30.0, "FS_THR_ENABLE": 0.0}
     boat = Boat(rover={"parameters": wrong}).sail(10.0)

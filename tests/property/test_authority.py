@@ -73,7 +73,7 @@ class Afternoon(RuleBasedStateMachine):
         self.down: list[Frame] = []
         self.up: list[tuple[float, str]] = []
         self.newest = -1
-        self.arming_asked = False
+        self.armed_by_us = False
         self.manual_s = self.arm_s = self.clock_s = -10.0
 
     @rule(mode=st.sampled_from([MANUAL, HOLD, LOITER, AUTO]), fate=FATES)
@@ -89,7 +89,7 @@ class Afternoon(RuleBasedStateMachine):
         if self.mode == INITIALISING or armed == self.armed:
             return
         self.armed = armed
-        self.disarmed_by_pilot = not armed and (self.arming_shown or self.arming_asked)
+        self.disarmed_by_pilot = not armed and (self.arming_shown or self.armed_by_us)
         self.beat(fate)
 
     @rule(lost=st.booleans())
@@ -137,7 +137,7 @@ class Afternoon(RuleBasedStateMachine):
     def an_operator_decides(self):
         if self.contact:
             self.authority.ask_again()
-            self.pilots = self.shown = self.arming_shown = self.arming_asked = False
+            self.pilots = self.shown = self.arming_shown = self.armed_by_us = False
             self.disarmed_by_pilot = self.disarming_shown = False
             self.down = []
             self.companion()
@@ -177,6 +177,7 @@ class Afternoon(RuleBasedStateMachine):
             self.beat(0.0)
         elif what == "arm":
             ready = self.mode == MANUAL
+            self.armed_by_us |= ready and not self.armed
             self.armed |= ready
             self.send(0.0, arming_result=ready)
             self.beat(0.0)
@@ -194,7 +195,7 @@ class Afternoon(RuleBasedStateMachine):
             self.post("manual")
         if boss.asks_arming and now_s - self.arm_s >= 1.0:
             assert not self.disarming_shown
-            self.arm_s, self.arming_asked = now_s, True
+            self.arm_s = now_s
             boss.arming_asked()
             self.post("arm")
         if now_s - self.clock_s >= 1.0:
@@ -246,6 +247,7 @@ class Afternoon(RuleBasedStateMachine):
         if not boss.frame(frame.number, self.now_s):
             if frame.heartbeat is not None:
                 boss.late_heartbeat(frame.heartbeat[0], armed=frame.heartbeat[1])
+                self.arming_shown |= frame.heartbeat[1]
             return
         if frame.heartbeat is not None:
             mode, armed, critical = frame.heartbeat
