@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from twinscrew.export.onnx_file import write_atomically
 from twinscrew.export.parity import Parity
-from twinscrew.training.evaluate import Evaluation
-from twinscrew.training.settings_table import six_settings
-from twinscrew.training.validate import Score
+from twinscrew.training.evaluate import Evaluation, Score
+from twinscrew.training.runs import replace_file
+from twinscrew.training.scenarios import six_settings
 
 
 def scores(score: Score, episodes: int, seed: int) -> dict[str, Any]:
@@ -52,5 +51,5 @@ def write_card(
         "scores": scored,
     }
     target = file.with_suffix(".json")
-    write_atomically((json.dumps(card, indent=1) + "\n").encode(), target)
+    replace_file(target, lambda out: out.write((json.dumps(card, indent=1) + "\n").encode()))
     return target

@@ -20,17 +20,15 @@ from twinscrew.export.onnx_file import (
     RISK,
     DeployedPolicy,
     onnx_bytes,
-    write_atomically,
 )
 from twinscrew.export.parity import check_parity
-from twinscrew.export.run_dir import load_run
+from twinscrew.export.run_dir import load_run, which_checkpoint
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
 from twinscrew.training import runs
-from twinscrew.training.agents.registry import algorithm
-from twinscrew.training.batch_policy import open_policy
+from twinscrew.training.agents import algorithm
 from twinscrew.training.environment import RATE_LIMIT
-from twinscrew.training.train_settings import TrainSettings, phase_settings
-from twinscrew.training.validate import validate
+from twinscrew.training.evaluate import open_policy, validate
+from twinscrew.training.settings import TrainSettings, phase_settings
 
 
 def export(
@@ -63,11 +61,16 @@ def export(
 ) -> None:
     """Turn a training run's actor into a self-contained ONNX file."""
     console = Console(stderr=True)
-    checkpoint = runs.CHECKPOINT if last else runs.BEST
+    checkpoint = which_checkpoint(run_dir, last=last)
     policy, settings, trained = load_run(run_dir, checkpoint, margin, risk)
+    if checkpoint != (runs.CHECKPOINT if last else runs.BEST):
+        console.print(
+            f"{checkpoint} is all that there is yet: step {trained['checkpoint']['step']}"
+        )
     deployed = DeployedPolicy(policy, RATE_LIMIT)
     metadata = describe(settings, "/".join(run_dir.resolve().parts[-2:]), deployed.risk)
-    write_atomically(onnx_bytes(deployed, metadata), out)
+    data = onnx_bytes(deployed, metadata)
+    runs.replace_file(out, lambda file: file.write(data))
     parity = check_parity(deployed, out)
     console.print(
         f"{escape(str(out))}: {parity.max_difference_n_per_s:.2g} N/s from the network over "

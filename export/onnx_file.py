@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import logging
-import os
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
 
 import onnx
 import torch
@@ -15,8 +13,8 @@ from torch import Tensor, nn
 
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
-from twinscrew.training.networks import Pilot
-from twinscrew.training.observations import EGO_COLUMNS, OBJECT_COLUMNS, Observations
+from twinscrew.training.networks import Observations, Pilot
+from twinscrew.training.perception import EGO_COLUMNS, OBJECT_COLUMNS
 
 OPSET = 18
 FORMAT = "1"
@@ -138,26 +136,6 @@ def _give_default(graph: onnx.GraphProto, name: str, value: float) -> None:
     node.type.tensor_type.shape.dim[0].Clear()
     node.type.tensor_type.shape.dim[0].dim_param = "N"
     graph.initializer.append(onnx.helper.make_tensor(name, onnx.TensorProto.FLOAT, [1, 1], [value]))
-
-
-def write_atomically(data: bytes, file: Path) -> None:
-    """Write a file so that a reader sees the old one or the new one, never a part.
-
-    Raises
-    ------
-    PolicyError
-        The file cannot be written (no such folder, no room, no right).
-    """
-    part = file.with_name(f".{file.name}.part")
-    try:
-        with part.open("wb") as out:
-            out.write(data)
-            out.flush()
-            os.fsync(out.fileno())
-        part.replace(file)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise PolicyError(f"{file}: cannot be written: {error.strerror}") from error
 
 
 def _strip(model: onnx.ModelProto) -> None:

@@ -14,7 +14,7 @@ from twinscrew.export.onnx_file import INPUTS, OUTPUT, DeployedPolicy, example_i
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.policy.onnx_runtime import ort
 from twinscrew.training.environment import EnvironmentSettings, VectorEnv
-from twinscrew.training.observations import Observations
+from twinscrew.training.networks import Observations, unpack
 from twinscrew.training.scenarios import ScenarioSettings
 
 TOLERANCE_N_PER_S = 0.05
@@ -88,14 +88,13 @@ def recorded_observations(decisions: int = 40, seed: int = 11) -> Observations:
     row = ScenarioSettings(robots=5, buoys=4, min_distance_m=40.0)
     environment = VectorEnv(EnvironmentSettings(scenarios=(row,)), 8, seed)
     generator = np.random.default_rng(seed)
-    seen, parts = environment.reset(), []
+    seen, rows = environment.reset(), []
     for _ in range(decisions):
-        parts.append([part.reshape(-1, *part.shape[2:]) for part in seen])
+        rows.append(seen.rows.reshape(-1, seen.rows.shape[-1]))
         seen = environment.step(generator.uniform(-0.5, 1.0, (8, 5, 2))).observation
-    ego, objects, mask = (
-        torch.from_numpy(np.concatenate(part)) for part in zip(*parts, strict=True)
+    return Observations(
+        *(part.contiguous() for part in unpack(torch.from_numpy(np.concatenate(rows))))
     )
-    return Observations(ego, objects, mask)
 
 
 def _decision_ms(session: OnnxFile, observations: list[Observations]) -> float:

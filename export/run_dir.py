@@ -11,14 +11,16 @@ import msgspec
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.settings import convert
 from twinscrew.training import runs
-from twinscrew.training.agents.registry import (
-    AnyAgentSettings,
-    algorithm,
-    make_agent,
-    risk_levels,
-)
+from twinscrew.training.agents import AnyAgentSettings, algorithm, make_agent, risk_levels
 from twinscrew.training.networks import Pilot
-from twinscrew.training.train_settings import TrainSettings, phase_settings
+from twinscrew.training.settings import TrainSettings, phase_settings
+
+
+def which_checkpoint(folder: Path, *, last: bool = False) -> str:
+    """Give the name of the checkpoint to export: the best, or the last; else what there is."""
+    first = (runs.CHECKPOINT,) if last else (runs.BEST, runs.CHECKPOINT)
+    names = [name for name in (*first, runs.LATEST) if (folder / name).is_file()]
+    return names[0] if names else first[0]
 
 
 def load_run(
@@ -34,7 +36,7 @@ def load_run(
     folder
         Of one seed.
     checkpoint
-        The best or the last one.
+        The name of its file.
     radius_margin, risk
         Other than what the run was told.
 

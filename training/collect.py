@@ -1,4 +1,4 @@
-"""Gathering experience: the environment, exploration and n-step transitions together.
+"""Gathering experience: the environment and exploration together.
 
 K seeds sail side by side in one environment, each with its own streams: what a seed gathers does
 not depend on who sails beside it.
@@ -14,122 +14,177 @@ import torch
 from numpy.typing import NDArray
 
 from twinscrew.runtime.messages.types import Float32
-from twinscrew.training import perception
+from twinscrew.runtime.settings import Count, Fraction, NonNegative, Settings
+from twinscrew.training.agents import risk_levels
 from twinscrew.training.agents.base import Agent
-from twinscrew.training.agents.registry import risk_levels
-from twinscrew.training.environment import StepResult, VectorEnv
-from twinscrew.training.exploration import CorrelatedNoise, HeldLevels, epsilon
+from twinscrew.training.environment import EnvironmentSettings, StepResult, VectorEnv
 from twinscrew.training.learner import Learner
-from twinscrew.training.nstep import NStep, Step
-from twinscrew.training.observations import PACKED_COLUMNS, unpack
-from twinscrew.training.train_settings import PhaseSettings, TrainSettings
+from twinscrew.training.networks import unpack
+from twinscrew.training.perception import PACKED_COLUMNS
+from twinscrew.training.replay import Step
+from twinscrew.training.scenarios import Mask
 
 
-def pack_slots(seen: perception.Observations) -> Float32:
-    """Lay out what all vessels of all episodes see as rows, (E V, 37), episode by episode."""
-    slots = seen.mask.shape[0] * seen.mask.shape[1]
-    parts = [part.reshape(slots, -1) for part in (seen.ego, seen.objects, seen.mask)]
-    return np.concatenate(parts, axis=1)
+class ExplorationSettings(Settings, frozen=True):
+    """How far, and for how long, experience departs from the policy."""
+
+    epsilon_start: Fraction = 0.3
+    """[-] Probability of a random action instead of the policy's, at first."""
+    epsilon_end: Fraction = 0.02
+    """[-] The same, later."""
+    epsilon_steps: Count = 2000
+    """[environment steps] From the first to the second, linearly."""
+    noise: NonNegative = 0.4
+    """[-] Standard deviation of the noise on the action of the noisiest vessel; actions are +-1."""
+    correlation: Fraction = 0.8
+    """[-] Of a vessel's noise from one decision to the next: white noise hardly turns a hull."""
 
 
-class _Chances:
-    """What is random in one seed's exploration of M slots."""
+def epsilon(settings: ExplorationSettings, step: int) -> float:
+    """Give the probability of a random action at an environment step."""
+    share = min(step / settings.epsilon_steps, 1.0)
+    return settings.epsilon_start + share * (settings.epsilon_end - settings.epsilon_start)
 
-    def __init__(self, settings: TrainSettings, told: PhaseSettings, seed: int, slots: int) -> None:
-        self.generator = np.random.default_rng(seed)
-        self.noise = CorrelatedNoise(settings.exploration, slots, self.generator)
-        self.risk = HeldLevels(risk_levels(told.agent), slots, self.generator)
+
+class Exploration:
+    """What is random in one seed's exploration of M slots.
+
+    First-order Gauss-Markov noise on both thrust rates, another size for each slot, from none to
+    the full one, so that the replay always holds the policy's own trajectories beside exploring
+    ones. And risk levels, alpha = 1/L, ..., 1, that vessels gather at: each keeps its own to its
+    end; with L = 0 there are none, and nothing is drawn.
+    """
+
+    def __init__(
+        self,
+        settings: ExplorationSettings,
+        levels: int,
+        slots: int,
+        generator: np.random.Generator,
+    ) -> None:
+        self._rho, self._levels, self._generator = settings.correlation, levels, generator
+        size = settings.noise * np.linspace(0.0, 1.0, slots)[:, None]
+        self._size = generator.permutation(size)
+        self._state = generator.standard_normal((slots, 2))
+        self.risk: Float32 | None = self._draw(slots) if levels else None
+        """(M, 1) in (0, 1]"""
+
+    def noise(self) -> Float32:
+        """Give the noise of the next decision, (M, 2)."""
+        fresh = self._generator.standard_normal(self._state.shape)
+        # Stationary: the variance stays one whatever the correlation.
+        self._state = self._rho * self._state + np.sqrt(1.0 - self._rho**2) * fresh
+        return (self._size * self._state).astype(np.float32)
 
     def disturb(self, action: Float32, agent: Agent[Any], noisy: bool, chance: float) -> Float32:
         """Give actions (M, 2) with noise, and now and then random ones instead."""
+        if agent.on_policy:
+            return action
         if noisy:
-            action = np.clip(action + self.noise.step(), -1.0, 1.0)
-        dice = self.generator.random(len(action)) < chance
+            action = np.clip(action + self.noise(), -1.0, 1.0)
+        dice = self._generator.random(len(action)) < chance
         if dice.any():
             action[dice] = agent.random(int(dice.sum())).numpy()
         return action
 
+    def renew(self, ended: Mask) -> None:
+        """Draw new levels for the slots, (M,), whose vessels have come to their end."""
+        if self.risk is not None:
+            self.risk = np.where(ended[:, None], self._draw(len(ended)), self.risk)
+
+    def _draw(self, slots: int) -> Float32:
+        level = self._generator.integers(1, self._levels + 1, (slots, 1))
+        return (level / self._levels).astype(np.float32)
+
 
 class Collector:
-    """Sails every parallel episode of K seeds, calm or rough, one decision at a time."""
+    """Sails every parallel episode of K seeds, calm or rough, one decision at a time.
+
+    Parameters
+    ----------
+    kinds
+        Environments and how many episodes of each a seed has.
+    exploration
+        How it tries out.
+    agents
+        One a seed.
+    seeds, step
+        On which the streams depend: fresh episodes begin at this environment step.
+    """
 
     def __init__(
-        self, settings: TrainSettings, told: PhaseSettings, seeds: Sequence[int], step: int
+        self,
+        kinds: Sequence[tuple[EnvironmentSettings, int]],
+        exploration: ExplorationSettings,
+        agents: Sequence[Agent[Any]],
+        seeds: Sequence[int],
+        step: int,
     ) -> None:
-        """Begin fresh episodes at an environment step, on which the streams depend."""
         streams = [np.random.SeedSequence([seed, step]).generate_state(2) for seed in seeds]
-        rough = round(settings.parallel_episodes * settings.rough_share)
-        calm = settings.parallel_episodes - rough
-        kinds = ((told.calm, calm, 0), (told.rough, rough, calm))
-        self.settings, self._seeds = settings, len(seeds)
-        self._environments = [
-            VectorEnv(environment, count, [int(one[0]) for one in streams], first_slot=first)
-            for environment, count, first in kinds
-            if count
+        self._exploration, self._seeds = exploration, len(seeds)
+        self._environments, first = [], 0
+        for settings, count in kinds:
+            if count:
+                own = [int(one[0]) for one in streams]
+                self._environments.append(VectorEnv(settings, count, own, first_slot=first))
+            first += count
+        self._rows = self._join(env.reset().rows for env in self._environments)
+        self.slots = slots = self._rows.shape[1]
+        levels = risk_levels(agents[0].settings)
+        self._chances = [
+            Exploration(exploration, levels, slots, np.random.default_rng(int(one[1])))
+            for one in streams
         ]
-        self._rows = self._join_rows(environment.reset() for environment in self._environments)
-        slots = self._rows.shape[1]
-        self._chances = [_Chances(settings, told, int(one[1]), slots) for one in streams]
-        self._join = NStep(settings.n_steps, settings.discount, self._seeds * slots)
+        self._earned = np.zeros((self._seeds, slots))
+        self.ended: list[list[tuple[float, bool]]] = [[] for _ in seeds]
+        """Of each seed: the return and the success of vessels that have come to their end."""
 
-    def step(self, learner: Learner, step: int, *, random: bool) -> list[Float32]:
-        """Make one decision for every vessel.
-
-        Returns
-        -------
-        K of (n, 78)
-            Each seed's transitions that are now complete.
-        """
-        action = self._choose(learner, step, random=random)
+    def step(self, learner: Learner, step: int, *, random: bool) -> list[Step]:
+        """Make one decision for every vessel; give each seed's, of its M slots."""
+        rows, action = self._rows, self._choose(learner, step, random=random)
         results = self._sail(action)
-        ended = self._slots(result.terminated | result.truncated for result in results)
-        rows, slots = self._join.push(
-            Step(
-                observation=_flat(self._rows),
-                action=_flat(action),
-                reward=_flat(self._slots(result.reward for result in results)),
-                terminated=_flat(self._slots(result.terminated for result in results)),
-                truncated=_flat(self._slots(result.truncated for result in results)),
-                active=_flat(self._slots(result.active for result in results)),
-                next_observation=_flat(self._join_rows(one.final_observation for one in results)),
+        names = ("reward", "terminated", "truncated", "active", "reached")
+        told = {name: self._join_slots(getattr(r, name) for r in results) for name in names}
+        after = self._join(result.final_observation.rows for result in results)
+        self._rows = self._join(result.observation.rows for result in results)
+        ended = told["terminated"] | told["truncated"]
+        reached = told.pop("reached")
+        self._earned += told["reward"]
+        steps = []
+        for k, chances in enumerate(self._chances):
+            chances.renew(ended[k])
+            over = np.flatnonzero(ended[k])
+            self.ended[k] += zip(self._earned[k, over].tolist(), reached[k, over], strict=True)
+            parts = {name: values[k] for name, values in told.items()}
+            steps.append(
+                Step(observation=rows[k], action=action[k], next_observation=after[k], **parts)
             )
-        )
-        self._rows = self._join_rows(result.observation for result in results)
-        for chances, over in zip(self._chances, ended, strict=True):
-            chances.risk.renew(over)
-        seed = slots // self._rows.shape[1]
-        return [rows[seed == k] for k in range(self._seeds)]
+        self._earned[ended] = 0.0
+        return steps
 
     def _sail(self, action: Float32) -> list[StepResult]:
         """Let every vessel act, (K, M, 2)."""
-        shapes = [(env.episodes // self._seeds * env.vessels, env) for env in self._environments]
-        ends = np.cumsum([slots for slots, _ in shapes])[:-1]
-        parts = zip(self._environments, np.split(action, ends, axis=1), strict=True)
-        return [env.step(part.reshape(env.episodes, env.vessels, 2)) for env, part in parts]
+        widths = [env.episodes // self._seeds * env.vessels for env in self._environments]
+        parts = np.split(action, np.cumsum(widths)[:-1], axis=1)
+        pairs = zip(self._environments, parts, strict=True)
+        return [env.step(part.reshape(env.episodes, env.vessels, 2)) for env, part in pairs]
 
     def _choose(self, learner: Learner, step: int, *, random: bool) -> Float32:
         """Give actions, (K, M, 2): the agents' with noise, or now and then random ones."""
-        exploration, first = self.settings.exploration, learner.agents[0]
+        first = learner.agents[0]
         seen = unpack(torch.from_numpy(self._rows).to(first.device))
-        levels = [chances.risk.levels for chances in self._chances]
-        told = [level for level in levels if level is not None]
-        risk = torch.from_numpy(np.stack(told)).to(first.device) if told else None
+        levels = [chances.risk for chances in self._chances if chances.risk is not None]
+        risk = torch.from_numpy(np.stack(levels)).to(first.device) if levels else None
         action = learner.act(seen, risk).cpu().numpy()
-        noisy = first.continuous and exploration.noise > 0.0
-        chance = 1.0 if random else epsilon(exploration, step)
+        noisy = first.continuous and self._exploration.noise > 0.0
+        chance = 1.0 if random else epsilon(self._exploration, step)
         mine = zip(self._chances, action, learner.agents, strict=True)
         return np.stack([one.disturb(row, agent, noisy, chance) for one, row, agent in mine])
 
-    def _join_rows(self, seen: Iterable[perception.Observations]) -> Float32:
-        """Lay out what all vessels see as rows, (K, M, 37)."""
-        rows = [pack_slots(one).reshape(self._seeds, -1, PACKED_COLUMNS) for one in seen]
-        return np.concatenate(rows, axis=1)
+    def _join(self, rows: Iterable[Float32]) -> Float32:
+        """Join what all vessels of all environments see, (E, V, 37), as (K, M, 37)."""
+        return np.concatenate([r.reshape(self._seeds, -1, PACKED_COLUMNS) for r in rows], axis=1)
 
-    def _slots(self, values: Iterable[NDArray[Any]]) -> NDArray[Any]:
+    def _join_slots(self, values: Iterable[NDArray[Any]]) -> NDArray[Any]:
         """Join values of all vessels of all environments, (E, V), as (K, M)."""
         return np.concatenate([one.reshape(self._seeds, -1) for one in values], axis=1)
-
-
-def _flat(values: NDArray[Any]) -> NDArray[Any]:
-    """Give (K, M, ...) as (K M, ...)."""
-    return values.reshape(-1, *values.shape[2:])

@@ -19,24 +19,138 @@ Slot k's episodes are the same in any batch: `VectorEnv(s, 8, seed).slot 3` is
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
-from twinscrew.runtime.messages.types import Float64
-from twinscrew.training.environment_settings import RATE_LIMIT, EnvironmentSettings, check
-from twinscrew.training.episodes import Episodes
-from twinscrew.training.lookout import Lookout
-from twinscrew.training.perception import Observations
-from twinscrew.training.reward import colregs_turn, reward
-from twinscrew.training.sailing import Sailing
-from twinscrew.training.step_result import StepResult
-from twinscrew.training.vessel_state import Mask, State
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.messages.types import OBSERVED_OBJECTS, Float32, Float64
+from twinscrew.runtime.policy.colregs import ColregsSettings, Situation, situation, starboard_turn
+from twinscrew.runtime.policy.vessel_model import VesselParameters
+from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings
+from twinscrew.training import scenarios
+from twinscrew.training.episodes import Episodes, Stream, slot_stream
+from twinscrew.training.imperfections import Imperfections, ImperfectionSettings
+from twinscrew.training.perception import Noise, NoiseSettings, Observations, Perception
+from twinscrew.training.physics import RATE_LIMIT, ConditionSettings, Coriolis, Physics, State
+from twinscrew.training.scenarios import Index, MapSettings, Mask, ScenarioSettings
 
 __all__ = ["RATE_LIMIT", "EnvironmentSettings", "StepResult", "VectorEnv"]
 
 AHEAD = 16
 """[-] Episodes that are drawn ahead for a slot: many at a time cost little each."""
+NonPositive = Annotated[float, Meta(le=0.0)]
+
+
+class RewardSettings(Settings, frozen=True):
+    """The paper's weights (sec. V)."""
+
+    step: float = -0.1
+    """[-] Every decision."""
+    forward: NonNegative = 1.0
+    """[1/m] For every metre that the goal came nearer."""
+    collision: NonPositive = -5.0
+    """[-] Touching anything."""
+    goal: NonNegative = 10.0
+    """[-] Reaching the goal."""
+    colregs: NonPositive = -0.1
+    """[1/rad] Times the angle by which the course lies to port of the compliant one."""
+    which: Literal["closest", "first"] = "closest"
+    """Who is checked: the closest vessel (paper) or the first that qualifies (reference)."""
+    rules: ColregsSettings = ColregsSettings()
+    """The zones."""
+
+
+class EnvironmentSettings(Settings, frozen=True):
+    """The environment; the defaults are the published one (paper, sec. V)."""
+
+    scenarios: tuple[ScenarioSettings, ...] = (ScenarioSettings(),)
+    """The mixture: every episode follows one of these rows, drawn by weight."""
+    map: MapSettings = MapSettings()
+    vessel: VesselParameters = VesselParameters()
+    coriolis: Coriolis = "once"
+    """How often Coriolis acts: "once" is the paper's equation, "twice" the authors' published
+    environment, whose boats slide outward in turns. Travel times in the two do not compare."""
+    noise: NoiseSettings = NoiseSettings()
+    reward: RewardSettings = RewardSettings()
+    conditions: ConditionSettings = ConditionSettings()
+    imperfections: ImperfectionSettings = ImperfectionSettings()
+    park: bool = False
+    """Vessels that arrived stay at their goals as obstacles; as published they vanish."""
+    period_s: Positive = 0.5
+    """[s] Between two decisions; a multiple of the sub-step."""
+    substep_s: Positive = 0.05
+    """[s] Of the integration."""
+    goal_radius_m: Positive = 2.0
+    """[m] Nearer than this to its goal, a vessel has arrived."""
+    range_m: Positive = 20.0
+    """[m] Objects are perceived this far."""
+    observed_objects: Count = OBSERVED_OBJECTS
+    """[-] K: how many objects a vessel sees at most."""
+    decision_limit: Count = 1000
+    """[-] An episode is truncated after so many decisions."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """V and M: room for the vessels and buoys of the largest row."""
+        return max(s.robots for s in self.scenarios), max(s.buoys for s in self.scenarios)
+
+    def check(self, episodes: int, seeds: Sequence[int]) -> None:
+        """Refuse settings that contradict each other, and a batch that cannot be.
+
+        Raises
+        ------
+        ConfigError
+            Names the key and what is allowed.
+        """
+        scenarios.check(self.scenarios, self.map)
+        if episodes < 1:
+            raise ConfigError(f"must be at least 1, got {episodes}", key="episodes")
+        if not seeds or not all(0 <= seed < 2**63 for seed in seeds):
+            got = ", ".join(map(str, seeds)) or "none"
+            raise ConfigError(f"must be in [0, 2^63), got {got}", key="seed")
+        substeps = round(self.period_s / self.substep_s)
+        if abs(substeps * self.substep_s - self.period_s) > 1e-9:
+            raise ConfigError(
+                f"must be a multiple of substep_s {self.substep_s}, got {self.period_s}",
+                key="period_s",
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class StepResult:
+    """What a decision of all vessels led to; E episodes, V vessels."""
+
+    observation: Observations
+    """To act on next: of the new episode where one was over, zeros for vessels that left."""
+    final_observation: Observations
+    """The state that the decision led to: the `next` of the transition of who was `active`."""
+    reward: Float32
+    """(E, V) 0 for vessels that were not on the water."""
+    terminated: Mask
+    """(E, V) Reached the goal or touched something: do not bootstrap."""
+    truncated: Mask
+    """(E, V) Cut off by the limit of decisions while under way: bootstrap."""
+    active: Mask
+    """(E, V) Was on the water when acting: has made a transition."""
+    reached: Mask
+    """(E, V) Reached its goal by this decision."""
+    touched_vessel: Mask
+    """(E, V) Touched another vessel in this decision."""
+    touched_buoy: Mask
+    """(E, V) Touched a buoy in this decision."""
+    elapsed_s: Float64
+    """(E,) [s] Since the episode began, after this decision: the travel time of `reached`."""
+    finished: Mask
+    """(E,) The episode is over; the slot has begun the next one (unless `auto_reset` is off)."""
+
+    @property
+    def collided(self) -> Mask:
+        """(E, V) Touched anything in this decision."""
+        return self.touched_vessel | self.touched_buoy
 
 
 class VectorEnv:
@@ -55,6 +169,8 @@ class VectorEnv:
         (with the seed) determines its episodes.
     auto_reset
         Whether a slot whose episode is over begins the next.
+    scripted
+        T: room for vessels that hold course and speed, placed by whoever asks for them.
 
     Raises
     ------
@@ -70,19 +186,33 @@ class VectorEnv:
         *,
         first_slot: int = 0,
         auto_reset: bool = True,
+        scripted: int = 0,
     ) -> None:
-        self.settings = settings = settings or EnvironmentSettings()
+        self.settings = s = settings or EnvironmentSettings()
         seeds = [seed] if isinstance(seed, int) else list(seed)
-        check(settings, episodes, seeds)
+        s.check(episodes, seeds)
         numbers = range(first_slot, first_slot + episodes)
         slots = [(one, number) for one in seeds for number in numbers]
         self.episodes, self.auto_reset = len(slots), auto_reset
-        self.vessels, self.buoys = settings.shape
-        self.state = State(self.episodes, self.vessels, self.buoys)
+        self.vessels, self.buoys = shape = s.shape
+        self.state = State(self.episodes, *shape, scripted)
         """What is on the water now."""
-        self.sailing = Sailing(settings, self.state)
-        self.lookout = Lookout(settings, slots)
-        self._upcoming = Episodes(settings, slots, AHEAD if auto_reset else 1)
+        radii = (s.vessel.radius, s.map.buoy_radius_m)
+        self.physics = Physics(
+            self.state, s.vessel, s.conditions, s.period_s, s.substep_s, radii[1], s.coriolis
+        )
+        pairs = (self.vessels, self.vessels + self.buoys + scripted)
+        noise = Noise(s.noise, _streams(slots, Stream.PERCEPTION), pairs)
+        imperfect = None
+        if s.imperfections.used:
+            streams = _streams(slots, Stream.IMPERFECTION)
+            imperfect = Imperfections(s.imperfections, streams, pairs, s.period_s)
+        self.perception = Perception(noise, s.range_m, s.observed_objects, radii, imperfect)
+        self._upcoming = Episodes(
+            *(s.scenarios, s.map, s.noise, s.range_m, s.observed_objects, radii[0], shape),
+            slots,
+            AHEAD if auto_reset else 1,
+        )
 
     @property
     def active(self) -> Mask:
@@ -95,15 +225,17 @@ class VectorEnv:
 
     def reset(self) -> Observations:
         """Begin the next episode in every slot."""
-        shape = (self.episodes, self.vessels)
-        most = self.settings.observed_objects
-        observation = Observations(
-            np.zeros((*shape, 7), np.float32),
-            np.zeros((*shape, most, 5), np.float32),
-            np.zeros((*shape, most), np.float32),
-        )
-        self._restart(np.arange(self.episodes), observation)
-        return observation
+        seen = Observations.empty((self.episodes, self.vessels), self.settings.observed_objects)
+        self.restart(np.arange(self.episodes), seen)
+        return seen
+
+    def restart(self, slots: Index, observation: Observations) -> None:
+        """Begin the next episode of some slots and write what its vessels see."""
+        beginning = self._upcoming.take(slots)
+        self.state.begin(slots, beginning.scenario)
+        self.physics.forces.begin(slots, beginning.chance)
+        self.perception.forget(slots)
+        observation.rows[slots] = beginning.rows
 
     def step(self, action: NDArray[np.floating]) -> StepResult:
         """Let every vessel act for one decision period.
@@ -113,21 +245,36 @@ class VectorEnv:
         action : (E, V, 2) float
             Rates of change of thrust, left and right, in units of 1000 N/s, clipped to [-1, 1].
             Those of vessels that are not on the water are ignored.
+
+        Raises
+        ------
+        PolicyError
+            The action of a vessel on the water is not finite.
         """
         state, settings = self.state, self.settings
         acting, before = self.active, state.to_goal
-        self.sailing.move(action)
-        touched_vessel, touched_buoy = self.sailing.touched()
+        self.physics.move(action)
+        touched_vessel, touched_buoy = self.touched()
         collided, left = touched_vessel | touched_buoy, state.to_goal
         reached = acting & ~collided & (left <= settings.goal_radius_m)
-        terminated, truncated = self._leave(collided, reached)
-        final = self.lookout.observe(state)
+        terminated = collided | reached
+        state.decisions += 1
+        state.active &= ~terminated
+        if settings.park:
+            state.parked |= reached
+        truncated = state.active & (state.decisions >= settings.decision_limit)[:, None]
+        final = self.perception.observe(state, acting)
         gained = reward(before - left, collided, reached, self._turn(final), settings.reward)
         gained *= acting
         finished = np.asarray(~(state.active & ~truncated).any(axis=1))
         elapsed_s = state.decisions.astype(np.float64) * settings.period_s
+        state.active &= ~truncated
+        state.halt_others()
+        observation = Observations(final.rows * state.active[..., None])
+        if self.auto_reset and finished.any():
+            self.restart(np.flatnonzero(finished), observation)
         return StepResult(
-            observation=self._continue(final, truncated, finished),
+            observation=observation,
             final_observation=final,
             reward=gained,
             terminated=terminated,
@@ -140,16 +287,9 @@ class VectorEnv:
             finished=finished,
         )
 
-    def _leave(self, collided: Mask, reached: Mask) -> tuple[Mask, Mask]:
-        """Count the decision; take who is done off the water, tell whom the limit cuts off."""
-        state = self.state
-        terminated = collided | reached
-        state.decisions += 1
-        state.active &= ~terminated
-        if self.settings.park:
-            state.parked |= reached
-        truncated = state.active & (state.decisions >= self.settings.decision_limit)[:, None]
-        return terminated, truncated
+    def touched(self) -> tuple[Mask, Mask]:
+        """Tell which vessels touched a vessel, and which a buoy, in the decision just made."""
+        return self.physics.touched()
 
     def _turn(self, seen: Observations) -> Float64:
         """Give how far each vessel's course falls short of the COLREGs, as it sees them."""
@@ -157,24 +297,81 @@ class VectorEnv:
         v_ego = seen.ego[..., 2:4].astype(np.float64)
         return colregs_turn(seen.objects, seen.mask, v_ego, s.vessel.radius, s.reward)
 
-    def _continue(self, final: Observations, truncated: Mask, finished: Mask) -> Observations:
-        """Take who left off the water, begin new episodes, and give what is to be acted on."""
-        self.state.active &= ~truncated
-        self.state.halt_others()
-        there = self.state.active.astype(np.float32)[..., None]
-        observation = Observations(
-            final.ego * there, final.objects * there[..., None], final.mask * there
-        )
-        if self.auto_reset and finished.any():
-            self._restart(np.flatnonzero(finished), observation)
-        return observation
 
-    def _restart(self, slots: NDArray[np.intp], observation: Observations) -> None:
-        """Begin the next episode of some slots and write what its vessels see."""
-        beginning = self._upcoming.take(slots)
-        self.state.begin(slots, beginning.scenario)
-        self.sailing.begin(slots, beginning.chance)
-        self.lookout.begin(slots)
-        observation.ego[slots] = beginning.ego
-        observation.objects[slots] = beginning.objects
-        observation.mask[slots] = beginning.mask
+def _streams(slots: Sequence[tuple[int, int]], stream: Stream) -> list[np.random.Generator]:
+    """Give every slot's generator for one purpose."""
+    return [slot_stream(seed, slot, stream) for seed, slot in slots]
+
+
+def reward(
+    progress: Float64, collided: Mask, reached: Mask, turn: Float64, settings: RewardSettings
+) -> Float32:
+    """Give the reward, paper, eq. (16); all arguments and the result are (E, V).
+
+    Parameters
+    ----------
+    progress
+        [m] By how much the distance to the goal decreased.
+    collided, reached
+        Whether the vessel touched anything, or is at its goal.
+    turn
+        [rad] max(delta, 0) in a COLREGs situation, else 0.
+    settings
+        The weights.
+    """
+    total = settings.step + settings.forward * progress + settings.colregs * turn
+    total += settings.collision * collided
+    total += settings.goal * reached
+    return total.astype(np.float32)
+
+
+def colregs_turn(
+    objects: Float32, mask: Float32, v_ego: Float64, ego_radius: float, settings: RewardSettings
+) -> Float64:
+    """Give max(delta, 0) [rad] towards the vessel that is checked, 0 without such a situation.
+
+    Parameters
+    ----------
+    objects, mask : (E, V, K, 5), (E, V, K) float32
+        As perceived, frame B.
+    v_ego : (E, V, 2) float
+        [m/s] Surge and sway over ground.
+    ego_radius : float
+        [m]
+    settings
+        Zones, and who is checked.
+
+    Returns
+    -------
+    turn : (E, V) float64
+    """
+    turn = np.zeros(mask.shape[:2])
+    where, checked = _checked(objects, mask, v_ego, settings)
+    if len(checked):
+        ego = v_ego[where]
+        angle = starboard_turn(checked[:, :2], checked[:, 4], ego, ego_radius, settings.rules)
+        turn[where] = angle
+    return turn
+
+
+def _checked(
+    objects: Float32, mask: Float32, v_ego: Float64, settings: RewardSettings
+) -> tuple[tuple[Index, ...], Float64]:
+    """Give where there is a COLREGs situation, and the object, (n, 5), it is with."""
+    rules = settings.rules
+    slow = rules.min_speed_mps**2
+    candidate = np.square(objects[..., 2]) + np.square(objects[..., 3]) >= slow
+    candidate &= mask > 0
+    candidate &= (np.square(v_ego).sum(axis=-1) >= slow)[..., None]
+    if settings.which == "closest":  # nearest first: the first moving object of each vessel
+        episode, vessel = np.nonzero(candidate.any(axis=-1))
+        k = candidate.argmax(axis=-1)[episode, vessel]
+    else:
+        episode, vessel, k = np.nonzero(candidate)
+    chosen = objects[episode, vessel, k].astype(np.float64)
+    kind = situation(chosen[:, :2], chosen[:, 2:4], v_ego[episode, vessel], rules)
+    kept = np.flatnonzero(kind != Situation.NONE)
+    if settings.which == "first":  # of those that qualify, the first of each vessel
+        row = episode * mask.shape[1] + vessel
+        kept = kept[np.unique(row[kept], return_index=True)[1]]
+    return (episode[kept], vessel[kept]), chosen[kept]

@@ -1,17 +1,52 @@
-"""Which episodes come next: every slot's own, drawn by the weights of the mixture."""
+"""Which episodes come next: every slot's own, drawn ahead so that a reset only copies rows.
+
+Each slot and each episode has its own random stream, whatever else runs beside it: slot k draws the
+same numbers in a batch of 1 and of 1000, so that results do not depend on how many episodes run at
+once, and an episode's scenario does not depend on what any vessel did before.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from enum import IntEnum
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.random import SFC64, Generator, Philox, SeedSequence
 from numpy.typing import NDArray
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.training.beginnings import begin
-from twinscrew.training.environment_settings import EnvironmentSettings
-from twinscrew.training.scenario_pool import Beginning, Pool
-from twinscrew.training.streams import episode_stream
+from twinscrew.runtime.messages.types import Float32, Float64
+from twinscrew.training.perception import Noise, NoiseSettings, Perception
+from twinscrew.training.physics import CHANCES, State
+from twinscrew.training.scenarios import Index, MapSettings, Scenarios, ScenarioSettings, sample
+
+
+class Stream(IntEnum):
+    """What a slot's stream is for."""
+
+    PERCEPTION = 0
+    IMPERFECTION = 1
+
+
+def slot_stream(seed: int, slot: int, stream: Stream) -> Generator:
+    """Give the generator that a slot keeps for as long as the environment lives."""
+    return Generator(SFC64(SeedSequence([seed, slot, int(stream)])))
+
+
+def episode_stream(seed: int, slot: int, number: int) -> Generator:
+    """Give the generator of the slot's episode `number`: counter-based, so cheap to make."""
+    return Generator(Philox(key=np.array([seed, (slot << 32) + number], dtype=np.uint64)))
+
+
+class Beginning(NamedTuple):
+    """How N episodes begin."""
+
+    scenario: Scenarios
+    rows: Float32
+    """(N, V, 7 + 6 K) What the vessels see at first."""
+    chance: Float64
+    """(N, V + 1, C) Uniform numbers in [0, 1) for the conditions of each vessel and of all."""
 
 
 class Episodes:
@@ -19,8 +54,12 @@ class Episodes:
 
     Parameters
     ----------
-    settings
-        The environment.
+    scenarios, area
+        The mixture of rows, and the map.
+    noise, range_m, most, vessel_radius
+        Of the first observation.
+    shape
+        V and M.
     slots
         E pairs of a seed and a slot's number, which determine its episodes.
     ahead
@@ -28,15 +67,26 @@ class Episodes:
     """
 
     def __init__(
-        self, settings: EnvironmentSettings, slots: Sequence[tuple[int, int]], ahead: int
+        self,
+        scenarios: Sequence[ScenarioSettings],
+        area: MapSettings,
+        noise: NoiseSettings,
+        range_m: float,
+        most: int,
+        vessel_radius: float,
+        shape: tuple[int, int],
+        slots: Sequence[tuple[int, int]],
+        ahead: int,
     ) -> None:
-        self._settings, self._slots = settings, slots
+        self._scenarios, self._map, self._noise, self._shape = scenarios, area, noise, shape
+        self._sight = (range_m, most, (vessel_radius, area.buoy_radius_m))
+        self._slots = slots
         self._pool = Pool(self._draw, len(slots), ahead)
-        self.set_weights([row.weight for row in settings.scenarios])
+        self.set_weights([row.weight for row in scenarios])
 
     def set_weights(self, weights: Sequence[float]) -> None:
         """Change how often each row of the mixture is drawn, for episodes yet to begin."""
-        rows = self._settings.scenarios
+        rows = self._scenarios
         if len(weights) != len(rows) or min(weights) < 0.0 or sum(weights) <= 0.0:
             raise ConfigError(
                 f"{len(rows)} numbers >= 0 with a positive sum are needed, got {list(weights)}",
@@ -45,15 +95,70 @@ class Episodes:
         self._cumulative = np.cumsum(weights) / np.sum(weights)
         self._pool.forget()
 
-    def take(self, slots: NDArray[np.intp]) -> Beginning:
+    def take(self, slots: Index) -> Beginning:
         """Give the next episode of each of these slots (each at most once)."""
-        return self._pool.take(slots)
+        *scenario, rows, chance = self._pool.take(slots)
+        return Beginning(Scenarios(*scenario), rows, chance)
 
-    def _draw(self, slots: NDArray[np.intp], numbers: NDArray[np.intp]) -> Beginning:
-        """Draw episodes, by slot and number."""
-        which = [self._slots[slot] for slot in slots]
+    def _draw(self, slots: Index, numbers: Index) -> tuple[NDArray[Any], ...]:
+        """Draw episodes, by slot and number, with all that depends on them alone."""
+        chosen = [self._slots[slot] for slot in slots]
         generators = [
             episode_stream(seed, slot, number)
-            for (seed, slot), number in zip(which, numbers.tolist(), strict=True)
+            for (seed, slot), number in zip(chosen, numbers.tolist(), strict=True)
         ]
-        return begin(self._settings, generators, self._cumulative)
+        vessels, buoys = self._shape
+        row = np.searchsorted(self._cumulative, [g.random() for g in generators], side="right")
+        scenario = sample(self._scenarios, row, self._map, generators, self._shape)
+        state = State(len(generators), vessels, buoys)
+        state.begin(np.arange(len(generators)), scenario)
+        noise = Noise(self._noise, generators, (vessels, vessels + buoys), block=1)
+        seen = Perception(noise, *self._sight).observe(state, scenario.vessel).rows
+        chance = np.stack([g.random((vessels + 1, CHANCES)) for g in generators])
+        return (*scenario, seen * scenario.vessel[..., None], chance)
+
+
+class Pool:
+    """Keeps up to `depth` drawn rows of each slot; the n-th of a slot is always the same.
+
+    Parameters
+    ----------
+    make
+        Gives arrays of rows, by slot and by number within the slot.
+    slots, depth
+        How many slots there are and how far ahead each is drawn.
+    """
+
+    def __init__(
+        self, make: Callable[[Index, Index], tuple[NDArray[Any], ...]], slots: int, depth: int
+    ) -> None:
+        self._make, self._depth = make, depth
+        self._taken, self._made = np.zeros((2, slots), np.intp)
+        self._rows: list[NDArray[Any]] = []
+
+    def take(self, slots: Index) -> list[NDArray[Any]]:
+        """Give the next rows of each of these slots (each at most once)."""
+        if (self._made[slots] == self._taken[slots]).any():
+            self._refill()
+        place = slots * self._depth + self._taken[slots] % self._depth
+        self._taken[slots] += 1
+        return [rows[place] for rows in self._rows]
+
+    def forget(self) -> None:
+        """Drop what was drawn ahead: from now on `make` is asked anew."""
+        self._made[:] = self._taken
+
+    def _refill(self) -> None:
+        """Draw ahead for every slot that has used up half."""
+        missing = self._depth - (self._made - self._taken)
+        missing[2 * missing < self._depth] = 0
+        slots = np.repeat(np.arange(len(missing)), missing)
+        ends = np.cumsum(missing)
+        numbers = self._made[slots] + np.arange(ends[-1]) - np.repeat(ends - missing, missing)
+        fresh = self._make(slots, numbers)
+        if not self._rows:
+            size = len(missing) * self._depth
+            self._rows = [np.zeros((size, *rows.shape[1:]), rows.dtype) for rows in fresh]
+        for into, rows in zip(self._rows, fresh, strict=True):
+            into[slots * self._depth + numbers % self._depth] = rows
+        self._made += missing

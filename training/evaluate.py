@@ -9,26 +9,157 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
+from scipy.stats import binomtest
 
-from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.messages.types import Float64
-from twinscrew.training.batch_policy import BatchPolicy
+from twinscrew.runtime.errors import ConfigError, PolicyError
+from twinscrew.runtime.messages.types import Float32, Float64, Observation
+from twinscrew.runtime.policy.load import Policy, load_policy
+from twinscrew.runtime.policy.metadata import OUTPUT_NAME, OUTPUT_SHAPE
+from twinscrew.runtime.policy.onnx import AS_SHIPPED, OnnxPolicy, risk_feed
+from twinscrew.runtime.policy.onnx_runtime import ort
+from twinscrew.runtime.policy.risk import RiskSettings, adaptive_level
+from twinscrew.runtime.settings import shipped
 from twinscrew.training.environment import RATE_LIMIT, EnvironmentSettings, VectorEnv
-from twinscrew.training.scenarios import ScenarioSettings
+from twinscrew.training.perception import Observations
+from twinscrew.training.scenarios import Mask, ScenarioSettings, six_settings
 
-Mask = NDArray[np.bool_]
+if TYPE_CHECKING:
+    from torch import nn
 
+BASELINES = ("apf", "mpc")
 TIME_LIMIT_S = 90.0
 """[s] Longer than this under way, and the episode has failed (paper, sec. VI)."""
 BATCH = 500
 """[-] Episodes at once; the results do not depend on it."""
-Z95 = 1.959963984540054
-"""[-] The 97.5 % quantile of the normal distribution."""
+SECONDS_WORTH = 0.001
+"""[1/s] What a second of mean travel time counts against the mean success rate in selection."""
+
+
+# -- policies that decide for many vessels at once ------------------------------------------------
+
+
+class BatchPolicy(Protocol):
+    """A policy that decides for all vessels of all episodes in one call."""
+
+    @property
+    def name(self) -> str:
+        """What the policy calls itself."""
+
+    @property
+    def period_s(self) -> float:
+        """[s] Between two decisions."""
+
+    def begin(self, episodes: int, vessels: int) -> None:
+        """Forget everything: new episodes follow."""
+
+    def rates(self, seen: Observations, active: Mask) -> Float64:
+        """Give thrust rates, (E, V, 2) [N/s]; those of vessels not `active`, (E, V), are 0."""
+
+
+def open_policy(spec: str, risk: RiskSettings = AS_SHIPPED) -> BatchPolicy:
+    """Give a policy by what the user typed: an ONNX file, a shipped policy's name, apf or mpc."""
+    if spec in BASELINES:
+        return OneByOne(lambda: load_policy(spec, risk=risk))
+    try:
+        return OnnxBatch(shipped("policies", spec, ".onnx"), risk)
+    except ConfigError as error:
+        raise PolicyError(f"{error}; or {', '.join(BASELINES)}, or an ONNX file") from error
+
+
+class OnnxBatch:
+    """A policy file, after all the checks of `OnnxPolicy`, asked with as many rows as there are."""
+
+    def __init__(self, path: Path, risk: RiskSettings = AS_SHIPPED) -> None:
+        self.metadata = OnnxPolicy(path, risk=risk).metadata
+        self.name, self.period_s = self.metadata.algorithm, self.metadata.decision_period_s
+        options = ort.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.log_severity_level = 4  # fatal only: what goes wrong is raised
+        self._session: Any = ort.InferenceSession(
+            path.read_bytes(), options, providers=["CPUExecutionProvider"]
+        )
+        self._risk = risk
+
+    def begin(self, episodes: int, vessels: int) -> None:
+        """Do nothing: a policy file remembers nothing."""
+
+    def rates(self, seen: Observations, active: Mask) -> Float64:
+        """Give thrust rates, (E, V, 2) [N/s]."""
+        feed = {"ego": seen.ego[active], "objects": seen.objects[active], "mask": seen.mask[active]}
+        feed |= risk_feed(self._session, len(feed["ego"]), self._risk)
+        if self._risk.level == "adaptive":
+            feed["risk"] = adaptive_level(feed["objects"], feed["mask"], self._risk)
+        rows = len(feed["ego"])
+        try:
+            answer = self._session.run([OUTPUT_NAME], feed)[0]
+        except Exception as error:  # ONNX Runtime has no base class of its own
+            raise PolicyError(f"{self.name} failed with {rows} rows at once: {error}") from error
+        if answer.shape != (rows, *OUTPUT_SHAPE):
+            raise PolicyError(f"{self.name} answered {rows} rows with shape {answer.shape}")
+        if not np.isfinite(answer).all():
+            raise PolicyError(f"{self.name} answered with numbers that are not finite")
+        limit = self.metadata.thrust_rate_max_n_per_s
+        return _spread(np.clip(answer, -limit, limit), active)
+
+
+class OneByOne:
+    """A policy that decides for one vessel at a time; each vessel has its own."""
+
+    def __init__(self, make: Callable[[], Policy]) -> None:
+        self._make, example = make, make()
+        self.name, self.period_s = example.name, example.period_s
+        self._policies: list[list[Policy]] = []
+
+    def begin(self, episodes: int, vessels: int) -> None:
+        """Give every vessel a fresh policy."""
+        self._policies = [[self._make() for _ in range(vessels)] for _ in range(episodes)]
+
+    def rates(self, seen: Observations, active: Mask) -> Float64:
+        """Give thrust rates, (E, V, 2) [N/s]."""
+        rates = np.zeros((*active.shape, 2))
+        for episode, vessel in np.argwhere(active):
+            ego, objects, mask = (np.ascontiguousarray(part[episode, vessel]) for part in seen)
+            one = Observation(ego=ego, objects=objects, mask=mask)
+            rates[episode, vessel] = self._policies[episode][vessel].act(one)
+        return rates
+
+
+class NetworkPolicy:
+    """A network (observations to actions) as what `evaluate` asks for thrust rates."""
+
+    name = "network"
+
+    def __init__(self, network: nn.Module, period_s: float) -> None:
+        self._network, self.period_s = network, period_s
+        self._device = next(network.parameters()).device
+
+    def begin(self, episodes: int, vessels: int) -> None:
+        """Do nothing: a network remembers nothing."""
+
+    def rates(self, seen: Observations, active: Mask) -> Float64:
+        """Give thrust rates, (E, V, 2) [N/s]."""
+        import torch
+
+        from twinscrew.training.networks import unpack
+
+        with torch.no_grad():
+            action = self._network(unpack(torch.from_numpy(seen.rows[active]).to(self._device)))
+        return _spread(action.cpu().numpy() * RATE_LIMIT, active)
+
+
+def _spread(values: Float32, active: Mask) -> Float64:
+    """Give values of active vessels, (n, 2), in their places, (E, V, 2); 0 elsewhere."""
+    rates = np.zeros((*active.shape, 2))
+    rates[active] = values
+    return rates
+
+
+# -- scores ---------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +211,7 @@ def evaluate(
     batch
         Episodes at once.
     progress
-        Told the number of episodes that just ended.
+        Called with the number of episodes that just ended.
 
     Raises
     ------
@@ -158,10 +289,11 @@ def score(outcomes: Outcomes, seed: int) -> Evaluation:
     collided, late, times, rewards = outcomes
     episodes = len(collided)
     successes = int((~(collided | late)).sum())
+    interval = binomtest(successes, episodes).proportion_ci(0.95, "wilson")
     return Evaluation(
         episodes=episodes,
         success_rate=successes / episodes,
-        wilson95=wilson95(successes, episodes),
+        wilson95=(float(interval.low), float(interval.high)),
         travel_time_s=float(times.mean()) if len(times) else None,
         collisions=int(collided.sum()),
         timeouts=int((late & ~collided).sum()),
@@ -170,12 +302,64 @@ def score(outcomes: Outcomes, seed: int) -> Evaluation:
     )
 
 
-def wilson95(successes: int, trials: int) -> tuple[float, float]:
-    """Give Wilson's score interval of a proportion at 95 % confidence.
+# -- selection ------------------------------------------------------------------------------------
 
-    Source: Wilson (1927), Probable inference, the law of succession, and statistical inference.
-    """
-    share, z2 = successes / trials, Z95**2
-    centre = (share + z2 / (2 * trials)) / (1 + z2 / trials)
-    half = Z95 / (1 + z2 / trials) * (share * (1 - share) / trials + z2 / (4 * trials**2)) ** 0.5
-    return max(0.0, centre - half), min(1.0, centre + half)
+
+class Score(NamedTuple):
+    """A policy on the paper's six settings."""
+
+    settings: tuple[Evaluation, ...]
+    """As published."""
+    rough: tuple[Evaluation, ...] = ()
+    """In rough conditions, where the run trains in them."""
+
+    @property
+    def success(self) -> float:
+        """[-] Mean success rate as published."""
+        return _success(self.settings)
+
+    @property
+    def travel_time_s(self) -> float:
+        """[s] Mean travel time as published; where no vessel arrived, the time limit counts."""
+        times = [one.travel_time_s for one in self.settings]
+        return float(np.mean([TIME_LIMIT_S if time is None else time for time in times]))
+
+    @property
+    def cumulative_reward(self) -> float:
+        """[-] Mean over the settings of a vessel's summed rewards, as published."""
+        return float(np.mean([one.cumulative_reward for one in self.settings]))
+
+    @property
+    def value(self) -> float:
+        """What selection maximises: success in both conditions, and a little, speed."""
+        kinds = [_success(kind) for kind in (self.settings, self.rough) if kind]
+        return float(np.mean(kinds)) - SECONDS_WORTH * self.travel_time_s
+
+    def record(self) -> dict[str, Any]:
+        """Give it as plain values."""
+        record: dict[str, Any] = {
+            "success": round(self.success, 5),
+            "travel_time_s": round(self.travel_time_s, 3),
+            "cumulative_reward": round(self.cumulative_reward, 4),
+            "rates": [round(one.success_rate, 5) for one in self.settings],
+            "times_s": [one.travel_time_s for one in self.settings],
+        }
+        if self.rough:
+            record["rough_success"] = round(_success(self.rough), 5)
+            record["rough_rates"] = [round(one.success_rate, 5) for one in self.rough]
+        return record
+
+
+def validate(
+    policy: BatchPolicy, episodes: int, seed: int, rough: EnvironmentSettings | None = None
+) -> Score:
+    """Sail `episodes` in each of the six settings, greedily, and as many in rough conditions."""
+    rows = six_settings()
+    published = evaluate_all(policy, rows, episodes, seed)
+    if rough is None:
+        return Score(published)
+    return Score(published, evaluate_all(policy, rows, episodes, seed, environment=rough))
+
+
+def _success(kind: tuple[Evaluation, ...]) -> float:
+    return float(np.mean([one.success_rate for one in kind]))

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from twinscrew.runtime.messages.types import Float32
 from twinscrew.runtime.settings import Fraction, NonNegative, Positive, Settings
+from twinscrew.training.scenarios import Index, Mask
 
 Complex64 = NDArray[np.complex64]
-Mask = NDArray[np.bool_]
 
 
 class ImperfectionSettings(Settings, frozen=True):
@@ -66,7 +66,7 @@ class Imperfections:
         self._drift = np.zeros((2, *pairs), np.complex64)
         self._lost = np.zeros(pairs, bool)
 
-    def forget(self, slots: NDArray[np.intp]) -> None:
+    def forget(self, slots: Index) -> None:
         """Begin new episodes in some slots."""
         self._velocity[slots] = 0.0
         self._drift[:, slots] = 0.0

@@ -1,19 +1,252 @@
-"""Actors and critics over an encoder (paper, fig. 5; parameters of the paper's and of ours)."""
+"""What the networks read, and what all of them are made of.
+
+From raw observations (SI units, frame B) to features: fixed scales and the geometry of an
+encounter, nothing learnt (`See`). From features to a code: `PaperEncoder` is the paper's (fig. 5);
+`SetEncoder` is ours, the same answer in whatever order the objects come. Then what several
+algorithms share: the trunk, the actor, the policy that is deployed. What one algorithm alone needs
+is in its file.
+
+Everything up to `Pilot` is part of the exported graph, so it uses only a few, plain tensor
+operations, and it is finite for every finite input. Padding has no influence.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Annotated, Literal, NamedTuple
 
 import torch
+from msgspec import Meta
 from torch import Tensor, nn
-from torch.nn import functional
 
-from twinscrew.training.encoders import EncoderSettings, See, Seen, Width, heed, make_encoder
-from twinscrew.training.observations import Observations
+from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
+from twinscrew.runtime.settings import NonNegative, Positive, Settings
+from twinscrew.runtime.vessel_description import load_vessel
+from twinscrew.training.perception import EGO_COLUMNS, OBJECT_COLUMNS
 
 ACTIONS = 2
 """[-] Left and right rate of change of thrust, in (-1, 1)."""
+Width = Annotated[int, Meta(ge=8, le=2048)]
+
+
+class Observations(NamedTuple):
+    """A batch of B observations; the columns are those of `messages.types.Observation`."""
+
+    ego: Tensor
+    """(B, 7) float32: goal x, y [m]; surge, sway [m/s]; yaw rate [rad/s]; thrusts [N]. Eq. (2)."""
+    objects: Tensor
+    """(B, 5, 5) float32: x, y [m]; vx, vy over ground [m/s]; radius [m]. Eq. (3)."""
+    mask: Tensor
+    """(B, 5) float32: 1 where there is an object, 0 where there is padding."""
+
+
+def unpack(rows: Tensor) -> Observations:
+    """Read rows, (..., 37), as `perception.Observations` lays them out."""
+    width = OBSERVED_OBJECTS * OBJECT_COLUMNS
+    ego, objects, mask = torch.split(rows, [EGO_COLUMNS, width, OBSERVED_OBJECTS], dim=-1)
+    return Observations(ego, objects.reshape(*mask.shape, OBJECT_COLUMNS), mask)
+
+
+class Scales(Settings, frozen=True):
+    """The numbers that bring raw SI units to about one."""
+
+    length_m: Positive = 20.0
+    """[m] The perception range (paper, sec. IV)."""
+    speed_mps: Positive = 3.0
+    """[m/s] About the greatest speed ahead (paper, sec. III)."""
+    yaw_rate_radps: Positive = 0.7
+    """[rad/s] About the steady yaw rate at full thrust difference in the training dynamics."""
+    thrust_n: Positive = 1000.0
+    """[N] The greatest thrust (paper, sec. III)."""
+    gap_m: Positive = 5.0
+    """[m] Where distances between hulls begin to matter: one vessel length."""
+    time_s: Positive = 10.0
+    """[s] Encounters further ahead than this are all alike: about the range at closing speed."""
+    ego_radius_m: NonNegative = load_vessel().radius_m
+    """[m] Collision radius of the default vessel, half its diagonal."""
+
+
+EGO_FEATURES = 11
+OBJECT_FEATURES = 14
+_TINY = 1e-3  # [m, m/s] keeps directions and times finite at rest and at no distance
+
+
+def raw_scales(scales: Scales) -> tuple[Tensor, Tensor]:
+    """Give the factors, (7,) and (5,), that bring raw ego and object columns to about one."""
+    length, speed = 1.0 / scales.length_m, 1.0 / scales.speed_mps
+    thrust = 1.0 / scales.thrust_n
+    ego = [length, length, speed, speed, 1.0 / scales.yaw_rate_radps, thrust, thrust]
+    return torch.tensor(ego), torch.tensor([length, length, speed, speed, length])
+
+
+def _length(vector: Tensor) -> Tensor:
+    return torch.sqrt((vector * vector).sum(-1, keepdim=True) + _TINY**2)
+
+
+def ego_features(ego: Tensor, scales: Scales) -> Tensor:
+    """Give the scaled ego state with the goal's distance and direction.
+
+    Parameters
+    ----------
+    ego : (B, 7)
+        Raw ego states, frame B.
+
+    Returns
+    -------
+    (B, 11)
+        The scaled state; the goal's direction (2), its distance in units of `length_m`, and a
+        closeness that resolves the last metres.
+    """
+    goal = ego[:, :2]
+    distance = _length(goal)
+    near = scales.gap_m / (scales.gap_m + distance)
+    factors = raw_scales(scales)[0].to(ego)
+    return torch.cat([ego * factors, goal / distance, distance / scales.length_m, near], dim=1)
+
+
+def object_features(ego: Tensor, objects: Tensor, scales: Scales) -> Tensor:
+    """Give what matters in an encounter with each object.
+
+    Parameters
+    ----------
+    ego : (B, 7)
+        Raw ego states, frame B.
+    objects : (B, K, 5)
+        Raw object states, frame B; velocities over ground.
+
+    Returns
+    -------
+    (B, K, 14)
+        The scaled state (5); direction (2); relative velocity (2); gap between the hulls and its
+        closeness; closing speed; time to, and gap at, the closest approach if neither turns.
+    """
+    position, velocity, radius = torch.split(objects, [2, 2, 1], dim=-1)
+    relative = velocity - ego[:, None, 2:4]
+    distance = _length(position)
+    direction = position / distance
+    reach = radius + scales.ego_radius_m
+    gap = distance - reach
+    closing = -(direction * relative).sum(-1, keepdim=True)
+    # Straight tracks p + v t are closest at t = -(p . v) / |v|^2.
+    time = closing * distance / ((relative * relative).sum(-1, keepdim=True) + _TINY)
+    time = time.clamp(0.0, scales.time_s)
+    miss = _length(position + relative * time) - reach
+    factors = raw_scales(scales)[1].to(objects)
+    return torch.cat(
+        [
+            objects * factors,
+            direction,
+            relative / scales.speed_mps,
+            gap / scales.length_m,
+            scales.gap_m / (scales.gap_m + gap.clamp(min=0.0)),
+            closing / scales.speed_mps,
+            time / scales.time_s,
+            miss / scales.gap_m,
+        ],
+        dim=-1,
+    )
+
+
+class EncoderSettings(Settings, frozen=True):
+    """How observations become features."""
+
+    kind: Literal["set", "paper"] = "set"
+    """"paper" is the paper's encoder; "set" pools one shared object network by maximum and sum."""
+    normalise: bool = True
+    """Scale raw SI units to about one first ("paper" only; "set" always does)."""
+    ego_width: Width = 64
+    """[-] Features of the ego state ("set" only; the paper's has 56)."""
+    object_width: Width = 96
+    """[-] Features of an object ("set" only; the paper's has 40)."""
+    scales: Scales = Scales()
+    """The units of the normalised features."""
+
+
+class Seen(NamedTuple):
+    """A batch of observations as features without parameters: the networks' input."""
+
+    ego: Tensor
+    """(B, E)"""
+    objects: Tensor
+    """(B, K, F); zeros where there is padding."""
+    present: Tensor
+    """(B, K, 1): 1 where there is an object."""
+
+
+def with_risk(seen: Seen, risk: Tensor) -> Seen:
+    """Give what is seen with a risk level, (B, 1) or (1, 1) in (0, 1], as one more ego feature."""
+    return seen._replace(ego=torch.cat([seen.ego, risk.expand(seen.ego.shape[0], 1)], dim=1))
+
+
+class See(nn.Module):
+    """Turns observations into features; nothing here is learnt, so it is done once a batch."""
+
+    ego_scale: Tensor
+    object_scale: Tensor
+
+    def __init__(self, settings: EncoderSettings) -> None:
+        super().__init__()
+        self.geometry = settings.kind == "set"
+        self.scales = settings.scales
+        ones = torch.ones(EGO_COLUMNS), torch.ones(OBJECT_COLUMNS)
+        ego, objects = raw_scales(settings.scales) if settings.normalise else ones
+        self.register_buffer("ego_scale", ego, persistent=False)
+        self.register_buffer("object_scale", objects, persistent=False)
+
+    def forward(self, observations: Observations) -> Seen:
+        """Give the features of a batch; whatever lies in padded rows has no influence."""
+        ego, objects, mask = observations
+        present = mask[:, :, None]
+        objects = torch.where(present > 0, objects, 0.0)
+        if self.geometry:
+            objects = object_features(ego, objects, self.scales)
+            ego = ego_features(ego, self.scales)
+        else:
+            ego, objects = ego * self.ego_scale, objects * self.object_scale
+        return Seen(ego, objects, present)
+
+
+class PaperEncoder(nn.Module):
+    """Ego 7 -> 56, each object 5 -> 40 with shared weights, concatenated to 256 (paper, fig. 5)."""
+
+    EGO, OBJECT = 56, 40
+
+    def __init__(self, extra: int = 0) -> None:
+        super().__init__()
+        self.width = self.EGO + OBSERVED_OBJECTS * self.OBJECT
+        self.ego = nn.Linear(EGO_COLUMNS + extra, self.EGO)
+        self.object = nn.Linear(OBJECT_COLUMNS, self.OBJECT)
+
+    def forward(self, seen: Seen) -> Tensor:
+        """Give features (B, 256)."""
+        theirs = torch.relu(self.object(seen.objects)) * seen.present
+        return torch.cat([torch.relu(self.ego(seen.ego)), theirs.flatten(1)], dim=1)
+
+
+class SetEncoder(nn.Module):
+    """One network over every object, pooled by maximum and sum, beside the ego state's features."""
+
+    def __init__(self, settings: EncoderSettings, extra: int = 0) -> None:
+        super().__init__()
+        wide = settings.object_width
+        self.width = settings.ego_width + 2 * wide
+        self.ego = nn.Linear(EGO_FEATURES + extra, settings.ego_width)
+        self.object_seen = nn.Linear(OBJECT_FEATURES, wide)
+        self.object_ego = nn.Linear(EGO_FEATURES + extra, wide, bias=False)
+        self.object_hidden = nn.Linear(wide, wide)
+
+    def forward(self, seen: Seen) -> Tensor:
+        """Give features (B, ego width + 2 object width)."""
+        # A layer over [object, ego] is the sum of two: the ego's share is the same for all objects.
+        each = self.object_seen(seen.objects) + self.object_ego(seen.ego)[:, None, :]
+        each = torch.relu(self.object_hidden(torch.relu(each))) * seen.present
+        # After a ReLU nothing is below zero, so padding never is the maximum.
+        return torch.cat([torch.relu(self.ego(seen.ego)), each.amax(1), each.sum(1)], dim=1)
+
+
+def make_encoder(settings: EncoderSettings, extra: int = 0) -> PaperEncoder | SetEncoder:
+    """Build the encoder that the settings name, with `extra` more ego features (`with_risk`)."""
+    return PaperEncoder(extra) if settings.kind == "paper" else SetEncoder(settings, extra)
 
 
 class NetworkSettings(EncoderSettings, frozen=True):
@@ -34,6 +267,21 @@ def squash(value: Tensor) -> Tensor:
     return torch.atan(value) * (2.0 / math.pi)
 
 
+class Trunk(nn.Module):
+    """Encoder -> 128 -> 128, ReLU."""
+
+    def __init__(self, settings: NetworkSettings) -> None:
+        super().__init__()
+        self.encoder = make_encoder(settings)
+        self.width = settings.hidden_width
+        self.hidden1 = nn.Linear(self.encoder.width, self.width)
+        self.hidden2 = nn.Linear(self.width, self.width)
+
+    def forward(self, seen: Seen) -> Tensor:
+        """Give features (B, 128)."""
+        return torch.relu(self.hidden2(torch.relu(self.hidden1(self.encoder(seen)))))
+
+
 class Actor(nn.Module):
     """A deterministic policy: what is seen to actions in (-1, 1)."""
 
@@ -50,86 +298,6 @@ class Actor(nn.Module):
         hidden = torch.relu(self.hidden1(self.encoder(seen)))
         hidden = torch.relu(self.hidden2(hidden))
         return squash(self.output(hidden))
-
-
-class CosineEmbedding(nn.Module):
-    """Features of quantile fractions: ReLU(W cos(pi i tau) + b), i = 0, 1, ... (IQN, eq. 4)."""
-
-    frequencies: Tensor
-
-    def __init__(self, cosines: int, width: int) -> None:
-        super().__init__()
-        self.layer = nn.Linear(cosines, width)
-        frequencies = math.pi * torch.arange(cosines, dtype=torch.float32)
-        self.register_buffer("frequencies", frequencies, persistent=False)
-
-    def forward(self, fractions: Tensor) -> Tensor:
-        """Embed fractions, (..., N) in [0, 1], as (..., N, width)."""
-        return torch.relu(self.layer(torch.cos(fractions[..., None] * self.frequencies)))
-
-
-class PaperQuantileCritic(nn.Module):
-    """The paper's critic: state (.) quantile -> 128 (.) action -> 128 -> 1 (fig. 5)."""
-
-    def __init__(self, settings: NetworkSettings, extra: int = 0) -> None:
-        super().__init__()
-        self.encoder = make_encoder(settings, extra)
-        hidden = settings.hidden_width
-        self.embedding = CosineEmbedding(settings.cosines, self.encoder.width)
-        self.hidden1 = nn.Linear(self.encoder.width, hidden)
-        self.action = nn.Linear(ACTIONS, hidden)
-        self.hidden2 = nn.Linear(hidden, hidden)
-        self.output = nn.Linear(hidden, 1)
-
-    def forward(self, seen: Seen, action: Tensor, fractions: Tensor) -> Tensor:
-        """Give the return's quantiles (B, N) at `fractions`, (N,) or (B, N)."""
-        state = self.encoder(seen)[:, None, :]
-        hidden = torch.relu(self.hidden1(state * self.embedding(fractions)))
-        hidden = hidden * torch.relu(self.action(action))[:, None, :]
-        value: Tensor = self.output(torch.relu(self.hidden2(hidden)))
-        return value.squeeze(-1)
-
-
-class QuantileCritic(nn.Module):
-    """Our critic: (state, action) -> 256 (.) quantile -> 128 -> 1, fractions shared by the batch.
-
-    What does not depend on the fraction is computed once a sample instead of once a fraction; one
-    wide layer remains that is computed for every pair of them.
-    """
-
-    def __init__(self, settings: NetworkSettings, extra: int = 0) -> None:
-        super().__init__()
-        self.encoder = make_encoder(settings, extra)
-        wide, hidden = settings.feature_width, settings.hidden_width
-        self.state = nn.Linear(self.encoder.width, wide)
-        self.action = nn.Linear(ACTIONS, wide, bias=False)
-        self.joined = nn.Linear(wide, wide)
-        self.embedding = CosineEmbedding(settings.cosines, wide)
-        self.hidden = nn.Linear(wide, hidden)
-        self.output = nn.Linear(hidden, 1)
-
-    def forward(self, seen: Seen, action: Tensor, fractions: Tensor) -> Tensor:
-        """Give the return's quantiles (B, N) at `fractions`, (N,)."""
-        joined = torch.relu(self.state(self.encoder(seen)) + self.action(action))
-        joined = torch.relu(self.joined(joined))
-        # W (x (.) phi_n) = (W diag(phi_n)) x: the fractions are the batch's, so they go into the
-        # weights, and no (B, N, width) product is ever formed.
-        embedding = self.embedding(fractions)
-        weight = self.hidden.weight.to(embedding.dtype) * embedding[:, None, :]
-        hidden = functional.linear(
-            joined, weight.flatten(0, 1), self.hidden.bias.repeat(len(embedding))
-        )
-        hidden = torch.relu(hidden).view(len(joined), len(embedding), -1)
-        value: Tensor = self.output(hidden)
-        return value.squeeze(-1)
-
-
-def make_quantile_critic(
-    settings: NetworkSettings, extra: int = 0
-) -> PaperQuantileCritic | QuantileCritic:
-    """Build the critic that the settings name, with `extra` more ego features."""
-    kind = PaperQuantileCritic if settings.critic == "paper" else QuantileCritic
-    return kind(settings, extra)
 
 
 class Pilot(nn.Module):
@@ -166,6 +334,6 @@ class Pilot(nn.Module):
         wary = observations._replace(objects=observations.objects * self.factors)
         seen = self.see(wary)
         if self.risk is not None:
-            seen = heed(seen, self.risk if risk is None else risk)
+            seen = with_risk(seen, self.risk if risk is None else risk)
         action: Tensor = self.actor(seen)
         return action

@@ -22,6 +22,8 @@ from twinscrew.runtime.errors import NOT_THE_FORMAT, ConfigError, TwinscrewError
 
 CHECKPOINT = "checkpoint.pt"
 BEST = "best.pt"
+LATEST = "latest.pt"
+"""The newest networks, where they are newer than the checkpoint: to be exported."""
 CONFIG = "config.json"
 LOG = "log.jsonl"
 FORMAT = 1

@@ -1,9 +1,16 @@
-"""What every agent is: named networks and optimisers, and an update made of a few descents."""
+"""What every algorithm is made of: named networks and optimisers, and an update of a few descents.
+
+An algorithm is one file beside this: its settings, its networks, its losses. It says in `descents`
+which losses an update consists of and which networks go down each, and the rest is here. A loss is
+a function of a lesson (a batch and the random numbers it is learnt with) and of the networks'
+parameters alone, so that several seeds can learn at once with stacked parameters (`learner.py`).
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Annotated, Any, ClassVar, Generic, TypeVar
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, Literal, NamedTuple, TypeVar
 
 import torch
 from msgspec import Meta
@@ -11,18 +18,19 @@ from torch import Tensor, nn
 from torch.optim import Optimizer
 
 from twinscrew.runtime.settings import Count, Fraction, Positive, Settings
-from twinscrew.training.agents.lesson import Descent, Draws, Lesson, Metrics
-from twinscrew.training.agents.steps import anneal, blend, descend
-from twinscrew.training.buffer import Batch
-from twinscrew.training.encoders import See, Seen, heed
-from twinscrew.training.networks import NetworkSettings, Pilot
-from twinscrew.training.observations import Observations
+from twinscrew.training.networks import NetworkSettings, Observations, Pilot, See, Seen, with_risk
+
+if TYPE_CHECKING:
+    from twinscrew.training.replay import Batch, Memory, Rollout
+    from twinscrew.training.settings import TrainSettings
 
 Rate = Annotated[float, Meta(gt=0.0, le=1.0)]
+Metrics = dict[str, Tensor]
+Draws = dict[str, Tensor]
 
 
 class AgentSettings(Settings, frozen=True):
-    """What all agents are told."""
+    """What all algorithms have in common."""
 
     network: NetworkSettings = NetworkSettings()
     """The shape of the networks."""
@@ -38,8 +46,45 @@ class AgentSettings(Settings, frozen=True):
     """[updates] k: how often the target networks are updated (alg. 2)."""
     average_rate: Rate = 0.001
     """[-] Share of the newest parameters in the running average that is deployed; 1 is none."""
-    bfloat16: bool = True
-    """Multiply matrices in bfloat16; outputs, targets, losses and parameters stay float32."""
+    precision: Literal["auto", "float32", "bfloat16"] = "auto"
+    """Of matrix products; outputs, targets, losses and parameters are always float32. "auto": what
+    `twinscrew train` finds faster on this machine; float32 where nobody has tried."""
+    bfloat16: bool | None = None
+    """The older way to say so: true is precision "bfloat16", false "float32"."""
+
+    @property
+    def mixed(self) -> bool:
+        """Whether matrices are multiplied in bfloat16."""
+        return self.precision == "bfloat16" if self.bfloat16 is None else self.bfloat16
+
+
+class Lesson(NamedTuple):
+    """A batch of B transitions as features, with the random numbers that an update takes."""
+
+    seen: Seen
+    following: Seen
+    """What was seen when the n steps were over."""
+    action: Tensor
+    """(B, 2) in [-1, 1]."""
+    reward: Tensor
+    """(B,) Discounted sum over the n steps."""
+    discount: Tensor
+    """(B,) gamma^n; 0 where the episode ended."""
+    weight: Tensor
+    """(B,) Of each sample's loss: 1 unless transitions are drawn by priority."""
+    extra: Tensor
+    """(B, X) What the algorithm's `study` gave."""
+    draws: Draws
+    """What the algorithm's `chance` gave."""
+
+
+class Descent(NamedTuple):
+    """One step of an update: a loss, and who goes down its gradient."""
+
+    loss: Callable[[Lesson], tuple[Tensor, Metrics]]
+    """Gives the loss, and figures to log."""
+    learners: tuple[tuple[str, str], ...]
+    """Names of the networks and of their optimisers."""
 
 
 S = TypeVar("S", bound=AgentSettings)
@@ -50,12 +95,14 @@ class Agent(ABC, Generic[S]):
 
     continuous: ClassVar[bool] = True
     """Whether any action in [-1, 1]^2 can be taken: exploration may then add noise to it."""
-    targets: ClassVar[tuple[tuple[str, str], ...]]
+    on_policy: ClassVar[bool] = False
+    """Whether it learns from its own newest actions alone: nothing random is mixed in then."""
+    targets: ClassVar[tuple[tuple[str, str], ...]] = ()
     """Names of the target networks and of what they follow."""
-    averages: ClassVar[tuple[tuple[str, str], ...]]
+    averages: ClassVar[tuple[tuple[str, str], ...]] = ()
     """Names of the running averages and of what they follow."""
 
-    def __init__(self, settings: S, seed: int, device: str) -> None:
+    def __init__(self, settings: S, seed: int, device: str = "cpu") -> None:
         self.settings = settings
         self.device = torch.device(device)
         self.see = See(settings.network).to(self.device)
@@ -65,14 +112,7 @@ class Agent(ABC, Generic[S]):
         self.optimizers: dict[str, Optimizer] = {}
         torch.manual_seed(seed)  # what initialises the networks
 
-    def act(
-        self, observations: Observations, *, explore: bool, risk: Tensor | None = None
-    ) -> Tensor:
-        """Give actions (B, 2) in [-1, 1], at risk levels, (B, 1), if the agent is told of any."""
-        with torch.no_grad():
-            seen = self.see(observations)
-            draws = self.brought(self.acting_chance(len(seen.ego))) if explore else {}
-            return self.choose(seen if risk is None else heed(seen, risk), draws, explore=explore)
+    # What an algorithm has to say.
 
     @abstractmethod
     def choose(self, seen: Seen, draws: Draws, *, explore: bool) -> Tensor:
@@ -94,6 +134,8 @@ class Agent(ABC, Generic[S]):
     def deployed(self, radius_margin: float) -> Pilot:
         """Give the policy that is evaluated and exported: observations to actions (B, 2)."""
 
+    # What it may say.
+
     def chance(self, batch: int) -> Draws:  # noqa: ARG002
         """Draw what an update of a batch takes from the agent's generator."""
         return {}
@@ -102,20 +144,37 @@ class Agent(ABC, Generic[S]):
         """Draw what exploring actions take from the agent's generator."""
         return {}
 
+    def memory(self, settings: TrainSettings) -> Memory:
+        """Give what keeps its experience: a replay, uniform or by priority."""
+        from twinscrew.training.replay import make_replay
+
+        return make_replay(settings)
+
+    def study(self, rollout: Rollout) -> Tensor:
+        """Give what an on-policy update needs beside each transition of a rollout, (n, X)."""
+        raise NotImplementedError(f"{type(self).__name__} does not learn from rollouts")
+
+    # What holds for all.
+
+    def act(
+        self, observations: Observations, *, explore: bool, risk: Tensor | None = None
+    ) -> Tensor:
+        """Give actions (B, 2) in [-1, 1], at risk levels, (B, 1), if the agent takes any."""
+        with torch.no_grad():
+            seen = self.see(observations)
+            draws = self.brought(self.acting_chance(len(seen.ego))) if explore else {}
+            seen = seen if risk is None else with_risk(seen, risk)
+            return self.choose(seen, draws, explore=explore)
+
     def update(self, batch: Batch, progress: float) -> Metrics:
         """Learn from a batch; `progress`, in [0, 1], through the phase sets the learning rates."""
-        self.anneal(progress)
-        lesson = self.prepare(batch, self.brought(self.chance(len(batch.action))))
-        told: Metrics = {}
-        for loss, learners in self.descents():
-            value, metrics = loss(lesson)
-            pairs = [(self.networks[net], self.optimizers[name]) for net, name in learners]
-            descend(value, pairs, self.settings.gradient_norm)
-            told |= {name: metric.detach() for name, metric in metrics.items()}
-        self.updates += 1
-        for target, online, rate in self.due():
-            blend(self.networks[target], self.networks[online], rate)
-        return told
+        from twinscrew.training.learner import Alone
+
+        return Alone(self).learn(batch, progress)
+
+    def mixed(self) -> torch.autocast:
+        """Multiply matrices in bfloat16 inside this context, if the settings say so."""
+        return torch.autocast(self.device.type, torch.bfloat16, enabled=self.settings.mixed)
 
     def brought(self, draws: Draws) -> Draws:
         """Give what was drawn on the agent's device."""
@@ -123,24 +182,21 @@ class Agent(ABC, Generic[S]):
 
     def prepare(self, batch: Batch, draws: Draws) -> Lesson:
         """Turn a batch into a lesson."""
-        weight = torch.ones_like(batch.reward) if batch.weight is None else batch.weight
+        reward = batch.reward
+        weight = torch.ones_like(reward) if batch.weight is None else batch.weight
         return Lesson(
             self.see(batch.observations),
             self.see(batch.next_observations),
             batch.action,
-            batch.reward,
+            reward,
             batch.discount,
             weight,
+            reward[..., None][..., :0] if batch.extra is None else batch.extra,
             draws,
         )
 
-    def anneal(self, progress: float) -> None:
-        """Set the learning rates for where the phase is, in [0, 1]."""
-        for name, rate in self.rates().items():
-            anneal(self.optimizers[name], rate, self.settings.final_rate, progress)
-
     def due(self) -> list[tuple[str, str, float]]:
-        """Give which networks follow which after this update, and by which share."""
+        """Give which networks follow which after this update, and by which share (alg. 2)."""
         s = self.settings
         due = [(*pair, s.average_rate) for pair in self.averages]
         if self.updates % s.target_every == 0:
@@ -164,19 +220,15 @@ class Agent(ABC, Generic[S]):
         """Name the parts that a checkpoint holds."""
         for name, part in parts.items():
             if isinstance(part, nn.Module):
-                self.networks[name] = part
+                self.networks[name] = part.to(self.device)
             else:
                 self.optimizers[name] = part
 
     def state(self) -> dict[str, Any]:
         """Give all that is learnt, as tensors, numbers and plain containers of them."""
-        networks = {name: network.state_dict() for name, network in self.networks.items()}
-        optimizers = {name: one.state_dict() for name, one in self.optimizers.items()}
-        return (
-            networks
-            | optimizers
-            | {"generator": self.generator.get_state(), "updates": self.updates}
-        )
+        parts: Mapping[str, Any] = {**self.networks, **self.optimizers}
+        learnt = {name: part.state_dict() for name, part in parts.items()}
+        return {**learnt, "generator": self.generator.get_state(), "updates": self.updates}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Take a `state` back.
@@ -192,3 +244,47 @@ class Agent(ABC, Generic[S]):
             optimizer.load_state_dict(state[name])
         self.generator.set_state(state["generator"])
         self.updates = int(state["updates"])
+
+
+class ActorSettings(AgentSettings, frozen=True):
+    """What algorithms with an actor have in common."""
+
+    actor_rate: Positive = 3e-4
+    """[-] Adam's step for the actor, at the start."""
+
+
+A = TypeVar("A", bound=ActorSettings)
+
+
+class ActorAgent(Agent[A]):
+    """A learner whose actions are continuous, with an actor that is averaged for deployment."""
+
+    averages = (("average_actor", "actor"),)
+
+    def random(self, count: int) -> Tensor:
+        """Give uniform actions, (count, 2) in [-1, 1]."""
+        return 2.0 * torch.rand(count, 2, generator=self.generator) - 1.0
+
+    def rates(self) -> dict[str, float]:
+        """Give the learning rates of critic and actor."""
+        s = self.settings
+        return {"critic_optimizer": s.learning_rate, "actor_optimizer": s.actor_rate}
+
+
+def adam(module: nn.Module, rate: float) -> torch.optim.Adam:
+    """Give Adam over a module's parameters."""
+    return torch.optim.Adam(module.parameters(), lr=rate, fused=True)
+
+
+def td_target(reward: Tensor, discount: Tensor, next_value: Tensor) -> Tensor:
+    """Give r + gamma Z(s'), (B, M), of rewards (B,), discounts (B,) and next values (B, M).
+
+    `discount` is gamma^n, and 0 where the episode ended: a truncated one is bootstrapped.
+    """
+    return reward[:, None] + discount[:, None] * next_value
+
+
+def huber(error: Tensor, kappa: float) -> Tensor:
+    """Give L_kappa(u): u^2 / 2 up to kappa, linear beyond (paper, eq. 10)."""
+    size = error.abs()
+    return torch.where(size <= kappa, 0.5 * error * error, kappa * (size - 0.5 * kappa))

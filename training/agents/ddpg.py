@@ -1,43 +1,102 @@
-"""DDPG: deterministic policy gradient with a scalar critic (Lillicrap et al. 2016)."""
+"""DDPG: deterministic policy gradient, scalar critic (Lillicrap et al. 2016; paper, eq. 6)."""
 
 from __future__ import annotations
 
-import torch
-from torch import Tensor
+import copy
 
-from twinscrew.training.agents.actor_critic import ActorSettings, DeterministicAgent
-from twinscrew.training.agents.lesson import Lesson, Metrics
-from twinscrew.training.agents.steps import wide
-from twinscrew.training.losses import huber, td_target
-from twinscrew.training.networks import Actor
-from twinscrew.training.networks_value import ActionCritic
+import torch
+from torch import Tensor, nn
+
+from twinscrew.training.agents.base import (
+    ActorAgent,
+    ActorSettings,
+    Descent,
+    Draws,
+    Lesson,
+    Metrics,
+    adam,
+    huber,
+    td_target,
+)
+from twinscrew.training.networks import ACTIONS, Actor, NetworkSettings, Pilot, Seen, make_encoder
 
 
 class DdpgSettings(ActorSettings, frozen=True, tag_field="algorithm", tag="ddpg"):
     """DDPG."""
 
 
-class Ddpg(DeterministicAgent[DdpgSettings]):
+class ActionCritic(nn.Module):
+    """The value of a continuous action: state -> 128 (.) action -> 128 -> 1."""
+
+    def __init__(self, settings: NetworkSettings) -> None:
+        super().__init__()
+        self.encoder = make_encoder(settings)
+        hidden = settings.hidden_width
+        self.hidden1 = nn.Linear(self.encoder.width, hidden)
+        self.action = nn.Linear(ACTIONS, hidden)
+        self.hidden2 = nn.Linear(hidden, hidden)
+        self.output = nn.Linear(hidden, 1)
+
+    def forward(self, seen: Seen, action: Tensor) -> Tensor:
+        """Give values (B,)."""
+        hidden = torch.relu(self.hidden1(self.encoder(seen)))
+        hidden = torch.relu(self.hidden2(hidden * torch.relu(self.action(action))))
+        value: Tensor = self.output(hidden)
+        return value.squeeze(-1)
+
+
+class Ddpg(ActorAgent[DdpgSettings]):
     """The learner."""
+
+    targets = (("target_critic", "critic"), ("target_actor", "actor"))
 
     def __init__(self, settings: DdpgSettings, seed: int, device: str = "cpu") -> None:
         super().__init__(settings, seed, device)
-        actor = Actor(settings.network)
-        self.furnish(actor, ActionCritic(settings.network))
+        self.actor = Actor(settings.network).to(self.device)
+        self.critic = ActionCritic(settings.network).to(self.device)
+        self.target_actor = copy.deepcopy(self.actor)
+        self.target_critic = copy.deepcopy(self.critic)
+        self.average_actor = copy.deepcopy(self.actor)
+        self.keep(
+            actor=self.actor,
+            critic=self.critic,
+            target_actor=self.target_actor,
+            target_critic=self.target_critic,
+            average_actor=self.average_actor,
+            actor_optimizer=adam(self.actor, settings.actor_rate),
+            critic_optimizer=adam(self.critic, settings.learning_rate),
+        )
+
+    def choose(self, seen: Seen, draws: Draws, *, explore: bool) -> Tensor:  # noqa: ARG002
+        """Give the actor's actions, (B, 2); exploration is added outside."""
+        with self.mixed():
+            action: Tensor = (self.actor if explore else self.average_actor)(seen)
+        return action.float()
+
+    def descents(self) -> tuple[Descent, ...]:
+        """Give the critic's step, and the actor's."""
+        return (
+            Descent(self.critic_loss, (("critic", "critic_optimizer"),)),
+            Descent(self.actor_loss, (("actor", "actor_optimizer"),)),
+        )
 
     def critic_loss(self, lesson: Lesson) -> tuple[Tensor, Metrics]:
         """Give the mean Huber loss of Q(s, a) against r + gamma Q'(s', pi'(s'))."""
-        with torch.no_grad(), wide(self.settings.bfloat16, self.device.type):
+        with torch.no_grad(), self.mixed():
             after = self.target_critic(lesson.following, self.target_actor(lesson.following))
         target = td_target(lesson.reward, lesson.discount, after.float()[:, None]).squeeze(1)
-        with wide(self.settings.bfloat16, self.device.type):
+        with self.mixed():
             value = self.critic(lesson.seen, lesson.action)
         loss = huber(target - value.float(), 1.0).mean()
         return loss, {"critic_loss": loss}
 
-    def actor_value(self, lesson: Lesson) -> Tensor:
-        """Give the mean of Q(s, pi(s))."""
-        with wide(self.settings.bfloat16, self.device.type):
+    def actor_loss(self, lesson: Lesson) -> tuple[Tensor, Metrics]:
+        """Give minus the mean of Q(s, pi(s))."""
+        with self.mixed():
             value = self.critic(lesson.seen, self.actor(lesson.seen))
-        mean: Tensor = value.float().mean()
-        return mean
+        mean = value.float().mean()
+        return -mean, {"actor_value": mean}
+
+    def deployed(self, radius_margin: float) -> Pilot:
+        """Give the averaged actor."""
+        return Pilot(self.see, self.average_actor, radius_margin)

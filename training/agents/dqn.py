@@ -1,17 +1,13 @@
-"""DQN (Mnih et al. 2015), by choice with double estimation (van Hasselt et al. 2016)."""
+"""DQN (Mnih et al. 2015; paper, eq. 5), by choice with double estimation (van Hasselt 2016)."""
 
 from __future__ import annotations
 
 import torch
 from torch import Tensor, nn
 
-from twinscrew.training.agents.base import AgentSettings
-from twinscrew.training.agents.discrete import PAIRS, action_number, taken
-from twinscrew.training.agents.lesson import Lesson, Metrics
-from twinscrew.training.agents.steps import wide
-from twinscrew.training.agents.values import ValueAgent
-from twinscrew.training.losses import huber, td_target
-from twinscrew.training.networks_value import QNetwork
+from twinscrew.training.agents.base import AgentSettings, Lesson, Metrics, huber, td_target
+from twinscrew.training.agents.values import PAIRS, ValueAgent, action_number, taken
+from twinscrew.training.networks import NetworkSettings, Seen, Trunk
 
 
 class DqnSettings(AgentSettings, frozen=True, tag_field="algorithm", tag="dqn"):
@@ -19,6 +15,20 @@ class DqnSettings(AgentSettings, frozen=True, tag_field="algorithm", tag="dqn"):
 
     double: bool = True
     """Let the online network choose the next action and the target network value it."""
+
+
+class QNetwork(nn.Module):
+    """The values of discrete actions."""
+
+    def __init__(self, settings: NetworkSettings, actions: int) -> None:
+        super().__init__()
+        self.trunk = Trunk(settings)
+        self.output = nn.Linear(self.trunk.width, actions)
+
+    def forward(self, seen: Seen) -> Tensor:
+        """Give values (B, A)."""
+        values: Tensor = self.output(self.trunk(seen))
+        return values
 
 
 class Dqn(ValueAgent[DqnSettings], online="values"):
@@ -34,12 +44,12 @@ class Dqn(ValueAgent[DqnSettings], online="values"):
 
     def loss(self, lesson: Lesson) -> tuple[Tensor, Metrics]:
         """Give the mean Huber loss of Q(s, a) against r + gamma Q'(s', argmax Q)."""
-        with torch.no_grad(), wide(self.settings.bfloat16, self.device.type):
+        with torch.no_grad(), self.mixed():
             after = self.target(lesson.following)
             choice = self.network(lesson.following) if self.settings.double else after
         best = taken(after, choice.argmax(1)).float()
         target = td_target(lesson.reward, lesson.discount, best[:, None]).squeeze(1)
-        with wide(self.settings.bfloat16, self.device.type):
+        with self.mixed():
             values = self.network(lesson.seen)
         loss = huber(target - taken(values, action_number(lesson.action)).float(), 1.0).mean()
         return loss, {"critic_loss": loss}

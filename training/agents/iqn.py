@@ -1,7 +1,7 @@
 """IQN: implicit quantile networks (Dabney et al. 2018; paper, sec. V-C).
 
-Acting takes fixed fractions, the midpoints of K equal parts: with random ones the policy disagrees
-with itself from one call to the next.
+The loss is AC-IQN's, with a' = argmax_a mean_j Z'(s', a; tau'_j) over 25 pairs. Acting takes fixed
+fractions, the midpoints of K equal parts: with random ones the policy disagrees with itself.
 """
 
 from __future__ import annotations
@@ -10,14 +10,15 @@ import torch
 from torch import Tensor, nn
 
 from twinscrew.runtime.settings import Count, Positive
-from twinscrew.training.agents.base import AgentSettings
-from twinscrew.training.agents.discrete import PAIRS, action_number, taken
-from twinscrew.training.agents.lesson import Draws, Lesson, Metrics
-from twinscrew.training.agents.steps import wide
-from twinscrew.training.agents.values import ValueAgent
-from twinscrew.training.encoders import Seen
-from twinscrew.training.losses import draw_fractions, quantile_huber, td_target
-from twinscrew.training.networks_value import QuantileQNetwork
+from twinscrew.training.agents.ac_iqn import (
+    CosineEmbedding,
+    draw_fractions,
+    quantile_huber,
+    spread,
+)
+from twinscrew.training.agents.base import AgentSettings, Draws, Lesson, Metrics, td_target
+from twinscrew.training.agents.values import PAIRS, ValueAgent, action_number, taken
+from twinscrew.training.networks import NetworkSettings, Seen, make_encoder
 
 
 class IqnSettings(AgentSettings, frozen=True, tag_field="algorithm", tag="iqn"):
@@ -33,8 +34,28 @@ class IqnSettings(AgentSettings, frozen=True, tag_field="algorithm", tag="iqn"):
     """[-] Where the Huber loss turns linear (paper: 1)."""
 
 
+class QuantileQNetwork(nn.Module):
+    """Quantiles of the returns of discrete actions: the critic without its action branch."""
+
+    def __init__(self, settings: NetworkSettings, actions: int) -> None:
+        super().__init__()
+        self.encoder = make_encoder(settings)
+        hidden = settings.hidden_width
+        self.embedding = CosineEmbedding(settings.cosines, self.encoder.width)
+        self.hidden1 = nn.Linear(self.encoder.width, hidden)
+        self.hidden2 = nn.Linear(hidden, hidden)
+        self.output = nn.Linear(hidden, actions)
+
+    def forward(self, seen: Seen, fractions: Tensor) -> Tensor:
+        """Give quantiles (B, N, A) at `fractions`, (N,) or (B, N)."""
+        state = self.encoder(seen)[:, None, :]
+        hidden = torch.relu(self.hidden1(state * self.embedding(fractions)))
+        quantiles: Tensor = self.output(torch.relu(self.hidden2(hidden)))
+        return quantiles
+
+
 class MeanOverFractions(nn.Module):
-    """Action values: the mean quantile at fixed, evenly spread fractions."""
+    """Action values: the mean quantile at fixed, evenly spread fractions (paper, eq. 8)."""
 
     fractions: Tensor
 
@@ -71,14 +92,14 @@ class Iqn(ValueAgent[IqnSettings], online="quantiles"):
         }
 
     def loss(self, lesson: Lesson) -> tuple[Tensor, Metrics]:
-        """Give the mean quantile Huber loss (paper, eqs. 8 to 10)."""
+        """Give the mean quantile Huber loss (paper, eqs. 9 to 11)."""
         s, fractions = self.settings, lesson.draws["online"]
-        with torch.no_grad(), wide(s.bfloat16, self.device.type):
+        with torch.no_grad(), self.mixed():
             after = self.target(lesson.following, lesson.draws["target"])
         best = after.float().mean(1).argmax(1)
         target = td_target(lesson.reward, lesson.discount, taken(after, best).float())
-        with wide(s.bfloat16, self.device.type):
+        with self.mixed():
             quantiles = self.network(lesson.seen, fractions)
         chosen = taken(quantiles, action_number(lesson.action)).float()
         loss = quantile_huber(chosen, target, fractions, s.kappa).mean()
-        return loss, {"critic_loss": loss}
+        return loss, {"critic_loss": loss, "quantile_spread": spread(chosen)}

@@ -1,4 +1,4 @@
-"""SAC: soft actor-critic (Haarnoja et al. 2018) with the paper's squashing, (2 / pi) atan."""
+"""SAC: soft actor-critic (Haarnoja et al. 2018; paper, eq. 7); squashing by (2 / pi) atan."""
 
 from __future__ import annotations
 
@@ -9,13 +9,19 @@ import torch
 from torch import Tensor, nn
 
 from twinscrew.runtime.settings import Positive
-from twinscrew.training.agents.actor_critic import ActorAgent, ActorSettings
-from twinscrew.training.agents.lesson import Descent, Draws, Lesson, Metrics
-from twinscrew.training.agents.steps import adam, wide
-from twinscrew.training.encoders import Seen
-from twinscrew.training.losses import huber, td_target
-from twinscrew.training.networks import ACTIONS, Pilot, squash
-from twinscrew.training.networks_value import ActionCritic, GaussianActor
+from twinscrew.training.agents.base import (
+    ActorAgent,
+    ActorSettings,
+    Descent,
+    Draws,
+    Lesson,
+    Metrics,
+    adam,
+    huber,
+    td_target,
+)
+from twinscrew.training.agents.ddpg import ActionCritic
+from twinscrew.training.networks import ACTIONS, NetworkSettings, Pilot, Seen, Trunk, squash
 
 
 class SacSettings(ActorSettings, frozen=True, tag_field="algorithm", tag="sac"):
@@ -33,6 +39,22 @@ class SacSettings(ActorSettings, frozen=True, tag_field="algorithm", tag="sac"):
     """[-] and its greatest."""
 
 
+class GaussianActor(nn.Module):
+    """A Gaussian over actions before squashing."""
+
+    def __init__(self, settings: NetworkSettings, log_sigma: tuple[float, float]) -> None:
+        super().__init__()
+        self.trunk = Trunk(settings)
+        self.mean = nn.Linear(self.trunk.width, ACTIONS)
+        self.log_sigma = nn.Linear(self.trunk.width, ACTIONS)
+        self.limits = log_sigma
+
+    def forward(self, seen: Seen) -> tuple[Tensor, Tensor]:
+        """Give mean and log standard deviation, (B, 2) each."""
+        features = self.trunk(seen)
+        return self.mean(features), self.log_sigma(features).clamp(*self.limits)
+
+
 def log_density(x: Tensor, mean: Tensor, log_sigma: Tensor) -> Tensor:
     """Give log pi(a), (B,), of a = (2 / pi) atan(x), x ~ N(mean, sigma^2), all (B, 2).
 
@@ -46,7 +68,7 @@ def log_density(x: Tensor, mean: Tensor, log_sigma: Tensor) -> Tensor:
 class SquashedMean(nn.Module):
     """The deterministic policy of a Gaussian actor."""
 
-    def __init__(self, actor: GaussianActor) -> None:
+    def __init__(self, actor: nn.Module) -> None:
         super().__init__()
         self.actor = actor
 
@@ -107,7 +129,7 @@ class Sac(ActorAgent[SacSettings]):
 
     def sample(self, seen: Seen, white: Tensor) -> tuple[Tensor, Tensor]:
         """Give actions, (B, 2), with their log densities, (B,); gradients flow through both."""
-        with wide(self.settings.bfloat16, self.device.type):
+        with self.mixed():
             mean, log_sigma = self.actor(seen)
         mean, log_sigma = mean.float(), log_sigma.float()
         x = mean + log_sigma.exp() * white
@@ -130,7 +152,7 @@ class Sac(ActorAgent[SacSettings]):
             worse = self._worse(self.target_critics, lesson.following, action)
             soft = worse - self.temperature.log.exp() * density
         target = td_target(lesson.reward, lesson.discount, soft[:, None]).squeeze(1)
-        with wide(self.settings.bfloat16, self.device.type):
+        with self.mixed():
             values = [critic(lesson.seen, lesson.action) for critic in self.critics]
         losses = torch.stack([huber(target - value.float(), 1.0).mean() for value in values])
         return losses.sum(), {"critic_loss": losses.sum()}
@@ -150,7 +172,7 @@ class Sac(ActorAgent[SacSettings]):
         return loss, {"actor_value": value, "temperature": alpha, "entropy": -density.mean()}
 
     def _worse(self, critics: nn.ModuleList, seen: Seen, action: Tensor) -> Tensor:
-        with wide(self.settings.bfloat16, self.device.type):
+        with self.mixed():
             one, other = (critic(seen, action) for critic in critics)
         return torch.minimum(one, other).float()
 

@@ -1,7 +1,9 @@
-"""Everything a training run is told: one TOML file, read as this."""
+"""Everything that a training run is configured by: one TOML file, read as this."""
 
 from __future__ import annotations
 
+import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -10,10 +12,10 @@ from msgspec import Meta
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.settings import Count, Fraction, Positive, Settings, convert, read_toml
-from twinscrew.training.agents.registry import AnyAgentSettings
+from twinscrew.training.agents import AnyAgentSettings
+from twinscrew.training.collect import ExplorationSettings
 from twinscrew.training.environment import EnvironmentSettings
-from twinscrew.training.exploration import ExplorationSettings
-from twinscrew.training.priority import PrioritySettings
+from twinscrew.training.replay import PrioritySettings
 
 
 class Phase(Settings, frozen=True, kw_only=True):
@@ -76,19 +78,27 @@ class TrainSettings(Settings, frozen=True, kw_only=True):
     validation_seed: int = 424_242
     """[-] Of the evaluations that select the best checkpoint; never used for reported figures."""
 
+    @property
+    def steps(self) -> int:
+        """[environment steps] Of all phases."""
+        return sum(phase.steps for phase in self.phases)
 
-def load_training(file: Path) -> TrainSettings:
+
+def load_training(file: Path, changes: Sequence[str] = ()) -> TrainSettings:
     """Read a training configuration; every phase's differences are checked at once.
 
     `extends = "other.toml"` lays a file over another one beside it, table by table; the agent is
-    taken over only if the algorithm is the same.
+    taken over only if the algorithm is the same. `changes` are laid over all, as "agent.risk=0.5".
 
     Raises
     ------
     ConfigError
         Names the file, the key, the value and what is allowed.
     """
-    settings = convert(_read(file), TrainSettings, file=file)
+    values = _read(file)
+    for change in changes:
+        values = _overlay(values, _changed(change))
+    settings = convert(values, TrainSettings, file=file)
     for number, phase in enumerate(settings.phases):
         try:
             phase_settings(settings, phase)
@@ -111,6 +121,22 @@ def _read(file: Path, depth: int = 0) -> dict[str, Any]:
     return _overlay(under, values)
 
 
+def _changed(text: str) -> dict[str, Any]:
+    """Read "agent.risk=0.5" as nested tables; a value that is no TOML is a string."""
+    key, equals, value = text.partition("=")
+    names = [name.strip() for name in key.split(".")]
+    if not equals or not all(names):
+        raise ConfigError(f"expected key=value, as agent.risk=0.5, got {text!r}", key="--set")
+    try:
+        read: Any = tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        read = value.strip()
+    for name in reversed(names):
+        read = {name: read}
+    changed: dict[str, Any] = read
+    return changed
+
+
 class PhaseSettings(NamedTuple):
     """What holds in a phase."""
 
@@ -121,7 +147,7 @@ class PhaseSettings(NamedTuple):
 
 def phase_settings(settings: TrainSettings, phase: Phase) -> PhaseSettings:
     """Give the agent's and the environments' settings in a phase."""
-    for key in {"network", "risk_levels"} & phase.agent.keys():
+    for key in {"network", "risk_levels", "precision", "bfloat16"} & phase.agent.keys():
         raise ConfigError("the networks stay the same over all phases", key=f"agent.{key}")
     calm = merged(settings.environment, phase.environment)
     return PhaseSettings(
