@@ -1,8 +1,8 @@
 """The training environment in other libraries' terms: Gymnasium and PettingZoo.
 
-Importing this module registers `twinscrew/Vessel-v0`: `gymnasium.make` gives one vessel among others
-that somebody else steers, with one flat, scaled observation, in which single-agent libraries such as
-Stable-Baselines3 can learn; `gymnasium.make_vec(..., num_envs=64)` gives many such episodes at once.
+Importing this module registers `twinscrew/Vessel-v0`. `gymnasium.make` gives one vessel among
+others that somebody else steers, with one flat, scaled observation: single-agent libraries such as
+Stable-Baselines3 can learn in it. `gymnasium.make_vec(..., num_envs=64)` gives many such episodes.
 `VesselsEnv` is PettingZoo's parallel environment: every vessel is an agent, and sees a dictionary:
 ego (7,), objects (K, 5), mask (K,), raw SI units.
 """
@@ -78,7 +78,7 @@ def _with_options(settings: EnvironmentSettings, options: Dict | None) -> Enviro
     return msgspec.structs.replace(settings, scenarios=(row, room))
 
 
-class VesselVectorEnv(gymnasium.vector.VectorEnv[Float32, Float32, Any]):  # type: ignore[misc]
+class VesselVectorEnv(gymnasium.vector.VectorEnv[Float32, Float32, Any]):
     """Many episodes of one vessel among others, flat and scaled, reset within the step.
 
     Parameters
@@ -226,7 +226,7 @@ class VesselVectorEnv(gymnasium.vector.VectorEnv[Float32, Float32, Any]):  # typ
         return flat
 
 
-class VesselEnv(gymnasium.Env[Float32, Float32]):  # type: ignore[misc]
+class VesselEnv(gymnasium.Env[Float32, Float32]):
     """One vessel among others, flat and scaled: `VesselVectorEnv` with one episode.
 
     The parameters are those of `VesselVectorEnv`.
@@ -260,7 +260,7 @@ class VesselEnv(gymnasium.Env[Float32, Float32]):  # type: ignore[misc]
         plain = {key: value.item() for key, value in known.items()}
         return last, float(reward[0]), bool(terminated[0]), bool(truncated[0]), plain
 
-    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+    def render(self) -> NDArray[np.uint8] | None:
         """Give a picture, (480, 480, 3), or show it."""
         return self._vector.render()
 

@@ -43,8 +43,10 @@ class Logs:
         self._file = folder / runs.LOG
         self._board = SummaryWriter(str(folder / "tensorboard"), purge_step=step + 1)
         flat = _flat(settings)
-        for summary in hparams(flat, {"evaluation/success": 0.0}):
-            self._board.file_writer.add_summary(summary)  # type: ignore[union-attr]
+        summaries = hparams(flat, {"evaluation/success": 0.0})  # type: ignore[no-untyped-call]
+        writer: Any = self._board.file_writer
+        for summary in summaries:
+            writer.add_summary(summary)
         self._wandb = None if wandb is None else _wandb_run(wandb, folder, flat)
 
     def __enter__(self) -> Self:

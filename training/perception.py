@@ -61,7 +61,8 @@ class Observations:
 
     @property
     def _end(self) -> int:
-        return EGO_COLUMNS + (self.rows.shape[-1] - EGO_COLUMNS) // 6 * OBJECT_COLUMNS
+        width: int = self.rows.shape[-1]
+        return EGO_COLUMNS + (width - EGO_COLUMNS) // 6 * OBJECT_COLUMNS
 
     @property
     def ego(self) -> Float32:

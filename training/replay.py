@@ -20,7 +20,7 @@ import torch
 from torch import Tensor
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.messages.types import Float32
+from twinscrew.runtime.messages.types import Float32, Float64
 from twinscrew.runtime.settings import Fraction, NonNegative, Settings
 from twinscrew.training.networks import Observations, unpack
 from twinscrew.training.perception import PACKED_COLUMNS
@@ -192,7 +192,7 @@ class Replay:
         return self.added - first
 
     def _write(
-        self, start: Step, reward: Float32, discount: Float32, end: Step, slots: Index
+        self, start: Step, reward: Float64, discount: Float64, end: Step, slots: Index
     ) -> Tensor:
         """Write transitions of some slots into the ring; the oldest make room. Gives the places."""
         capacity, width = len(self.rows), PACKED_COLUMNS
@@ -319,7 +319,7 @@ class PrioritisedReplay(Replay):
         self._sums.zero_()
 
     def _write(
-        self, start: Step, reward: Float32, discount: Float32, end: Step, slots: Index
+        self, start: Step, reward: Float64, discount: Float64, end: Step, slots: Index
     ) -> Tensor:
         places = super()._write(start, reward, discount, end, slots)
         self._assign(places, torch.full((len(places),), self._greatest, dtype=torch.float64))

@@ -9,9 +9,8 @@ import torch
 from twinscrew.runtime.settings import CONFIG_DIR
 from twinscrew.training import runs
 from twinscrew.training.logs import Progress
-from twinscrew.training.loop import train
-from twinscrew.training.train import Training
-from twinscrew.training.train_settings import Phase, load_training
+from twinscrew.training.settings import Phase, load_training
+from twinscrew.training.train import Training, train
 
 FILES = sorted((CONFIG_DIR / "training").rglob("*.toml"))
 

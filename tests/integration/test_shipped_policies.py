@@ -8,9 +8,8 @@ import pytest
 
 from twinscrew.runtime.policy.onnx import OnnxPolicy
 from twinscrew.runtime.settings import CONFIG_DIR
-from twinscrew.training.batch_policy import open_policy
-from twinscrew.training.evaluate import evaluate
-from twinscrew.training.settings_table import six_settings
+from twinscrew.training.evaluate import evaluate, open_policy
+from twinscrew.training.scenarios import six_settings
 
 FILES = sorted((CONFIG_DIR / "policies").glob("*.onnx"))
 EVERY = pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)

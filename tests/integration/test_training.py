@@ -10,12 +10,11 @@ import pytest
 import torch
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.training import runs, validate
+from twinscrew.training import evaluate, runs
 from twinscrew.training.logs import Progress
-from twinscrew.training.loop import train
-from twinscrew.training.settings_table import six_settings
-from twinscrew.training.train import Training
-from twinscrew.training.train_settings import load_training
+from twinscrew.training.scenarios import six_settings
+from twinscrew.training.settings import load_training
+from twinscrew.training.train import Training, train
 
 CONFIG = """
 parallel_episodes = 8
@@ -67,7 +66,7 @@ def _one_thread():
 @pytest.fixture
 def _one_setting(monkeypatch):
     """Validate in the first of the six settings alone: what is tested lies elsewhere."""
-    monkeypatch.setattr(validate, "six_settings", lambda: six_settings()[:1])
+    monkeypatch.setattr(evaluate, "six_settings", lambda: six_settings()[:1])
 
 
 def weights(training):
@@ -139,8 +138,8 @@ def test_a_run_that_was_cut_off_becomes_the_run_that_was_not(tmp_path, killed_at
     assert not list((tmp_path / "whole").glob("replay_*"))  # a finished run needs none
     take = Training.take
 
-    def stumble(self, rows):
-        take(self, rows)
+    def stumble(self, step):
+        take(self, step)
         if self.step == killed_at:
             raise KilledError
 
@@ -150,7 +149,7 @@ def test_a_run_that_was_cut_off_becomes_the_run_that_was_not(tmp_path, killed_at
             trained(tmp_path / "cut", file)
     again = trained(tmp_path / "cut", file)
     assert torch.equal(weights(again), weights(whole))
-    assert torch.equal(again.replay.rows, whole.replay.rows)
+    assert torch.equal(again.memory.rows, whole.memory.rows)
     assert log_of(tmp_path / "cut") == log_of(tmp_path / "whole")
 
 

@@ -6,11 +6,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twinscrew.training import contacts
-from twinscrew.training.conditions import ConditionSettings
+from twinscrew.training import physics as contacts
 from twinscrew.training.environment import EnvironmentSettings, VectorEnv
 from twinscrew.training.imperfections import ImperfectionSettings
-from twinscrew.training.settings_table import six_settings
+from twinscrew.training.physics import ConditionSettings
+from twinscrew.training.scenarios import six_settings
 
 CALM = ConditionSettings()
 ROUGH = ConditionSettings(

@@ -15,8 +15,8 @@ from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.settings import CONFIG_DIR, load
 from twinscrew.runtime.vessel_description import load_vessel
-from twinscrew.training.settings_table import six_settings
-from twinscrew.training.train_settings import load_training
+from twinscrew.training.scenarios import six_settings
+from twinscrew.training.settings import load_training
 
 READERS = {
     "runtime.toml": load_config,

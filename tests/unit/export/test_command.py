@@ -15,10 +15,10 @@ from twinscrew.runtime.messages.types import Observation
 from twinscrew.runtime.policy.onnx import OnnxPolicy
 from twinscrew.runtime.policy.risk import RiskSettings
 from twinscrew.training import runs
+from twinscrew.training.agents import make_agent
 from twinscrew.training.agents.ac_iqn import AcIqnSettings
-from twinscrew.training.agents.registry import make_agent
 from twinscrew.training.networks import NetworkSettings
-from twinscrew.training.train_settings import Phase, TrainSettings
+from twinscrew.training.settings import Phase, TrainSettings
 
 SMALL = NetworkSettings(ego_width=16, object_width=16, hidden_width=16)
 AGENT = AcIqnSettings(network=SMALL)

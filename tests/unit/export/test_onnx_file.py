@@ -9,12 +9,10 @@ from twinscrew.export.onnx_file import (
     DeployedPolicy,
     example_inputs,
     onnx_bytes,
-    write_atomically,
 )
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.policy.onnx_walk import refuse_foreign_parts
-from twinscrew.training.encoders import See
-from twinscrew.training.networks import Actor, NetworkSettings, Pilot
+from twinscrew.training.networks import Actor, NetworkSettings, Pilot, See
 
 SMALL = NetworkSettings(ego_width=16, object_width=16, hidden_width=16)
 PAPER = NetworkSettings(kind="paper", normalise=False, hidden_width=16)
@@ -105,18 +103,6 @@ def test_the_margin_widens_what_is_seen():
 def test_metadata_must_be_strings():
     with pytest.raises(PolicyError, match=r"'period' must be a string, got 0\.5"):
         onnx_bytes(policy(), {"period": 0.5})
-
-
-def test_a_file_that_cannot_be_written_is_named(tmp_path):
-    with pytest.raises(PolicyError, match=r"nowhere.*policy\.onnx.*No such file"):
-        write_atomically(b"x", tmp_path / "nowhere" / "policy.onnx")
-
-
-def test_writing_leaves_only_the_file(tmp_path):
-    write_atomically(b"old", tmp_path / "policy.onnx")
-    write_atomically(b"new", tmp_path / "policy.onnx")
-    assert [p.name for p in tmp_path.iterdir()] == ["policy.onnx"]
-    assert (tmp_path / "policy.onnx").read_bytes() == b"new"
 
 
 @pytest.fixture(scope="module", params=[SMALL, PAPER], ids=["set", "paper"])

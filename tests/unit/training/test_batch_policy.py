@@ -10,7 +10,7 @@ import pytest
 
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.settings import CONFIG_DIR
-from twinscrew.training.batch_policy import open_policy
+from twinscrew.training.evaluate import open_policy
 from twinscrew.training.perception import Observations
 
 
@@ -20,7 +20,7 @@ def test_a_policy_for_one_row_only_is_refused_with_what_it_was_asked(tmp_path: P
         given.type.tensor_type.shape.dim[0].dim_value = 1
     onnx.save(model, tmp_path / "one.onnx")
     policy = open_policy(str(tmp_path / "one.onnx"))
-    blank = Observations(
+    blank = Observations.of(
         ego=np.zeros((1, 3, 7), np.float32),
         objects=np.zeros((1, 3, 5, 5), np.float32),
         mask=np.zeros((1, 3, 5), np.float32),

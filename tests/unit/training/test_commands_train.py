@@ -3,7 +3,7 @@ import sys
 import pytest
 
 from twinscrew.runtime.errors import ConfigError, TwinscrewError
-from twinscrew.training.commands_train import train
+from twinscrew.training.commands import train
 
 CONFIG = """
 [agent]

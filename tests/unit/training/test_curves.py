@@ -4,8 +4,8 @@ import pytest
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.training import runs
-from twinscrew.training.commands_report import train_report
-from twinscrew.training.curves import find_runs, learning_curve, logged
+from twinscrew.training.commands import train_report
+from twinscrew.training.report import find_runs, learning_curve, logged
 
 
 def run(folder, rates, algorithm="ac_iqn", every=100):

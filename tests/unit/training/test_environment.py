@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 from tests.reference import environment as reference
 
-from twinscrew.runtime.errors import ConfigError
-from twinscrew.training.conditions import ConditionSettings
-from twinscrew.training.environment import EnvironmentSettings, StepResult, VectorEnv
-from twinscrew.training.perception_noise import NoiseSettings
-from twinscrew.training.reward import RewardSettings
-from twinscrew.training.scenarios import MapSettings, ScenarioSettings
-from twinscrew.training.settings_table import six_settings
+from twinscrew.runtime.errors import ConfigError, PolicyError
+from twinscrew.training.environment import (
+    EnvironmentSettings,
+    RewardSettings,
+    StepResult,
+    VectorEnv,
+)
+from twinscrew.training.perception import NoiseSettings, Observations
+from twinscrew.training.physics import ConditionSettings
+from twinscrew.training.scenarios import MapSettings, ScenarioSettings, six_settings
 
 SIX = EnvironmentSettings(scenarios=six_settings())
+
+
+class Seen(NamedTuple):
+    """The noise of one decision, (E, V, O) each."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    radius: np.ndarray
 
 
 def scatter(env: VectorEnv, generator: np.random.Generator) -> None:
@@ -57,8 +70,8 @@ def test_one_decision_equals_the_scalar_reference_in_every_quantity() -> None:
         for e in range(env.episodes)
     ]
     buoys = [list(env.state.buoy[e][env.state.buoy_there[e]]) for e in range(env.episodes)]
-    noise = env.lookout.noise.next()
-    env.lookout.noise._noise.append(noise)  # what the step is going to draw
+    noise = Seen(*env.perception.noise.values(env.perception.noise.next()))
+    env.perception.noise._left += 1  # what the step is going to draw
     action = generator.uniform(-1.3, 1.3, (env.episodes, env.vessels, 2))
     result = env.step(action)
     seen_situations = touched = arrived = 0
@@ -131,7 +144,8 @@ def test_the_same_seed_gives_the_same_bytes_and_another_seed_another_episode() -
 
 
 def test_two_vessels_of_an_episode_do_not_share_their_noise() -> None:
-    noise = VectorEnv(SIX, 2, seed=0).lookout.noise.next().position
+    noise = VectorEnv(SIX, 2, seed=0).perception.noise
+    noise = noise.values(noise.next())[0]
     rows = noise.reshape(-1, noise.shape[-1])
     assert len(np.unique(rows.round(7), axis=0)) == len(rows)
 
@@ -176,7 +190,7 @@ def test_two_vessels_that_touch_between_decisions_only_have_collided() -> None:
     put(env, 1, 21.48 + (20 + gap) * 1j, np.pi, 3.0)
     env.state.thrust[:] = 750.0
     result = env.step(np.zeros((1, 2, 2)))
-    ends = env.sailing.dynamics.trajectory[[0, -1]].reshape(2, 2, 2)
+    ends = env.physics.motion.trajectory[[0, -1]].reshape(2, 2, 2)
     apart = np.hypot(*(ends[:, :, 0] - ends[:, :, 1]).T)
     assert (apart > 2 * reference.RADIUS).all()
     assert result.touched_vessel.all()
@@ -210,7 +224,7 @@ def test_wind_pushes_a_drifting_vessel_where_it_blows_to() -> None:
     for _ in range(6):
         env.step(np.zeros((4, 3, 2)))
     drift = env.state.position - start
-    blow = np.broadcast_to(env.sailing.conditions._wind, drift.shape)
+    blow = np.broadcast_to(env.physics.forces.wind, drift.shape)
     along = (drift * blow.conj()).real / np.abs(blow)
     assert (along[there & env.state.active] > 0.1).all()
 
@@ -229,7 +243,7 @@ def test_thrust_lags_behind_its_command_as_a_first_order_filter() -> None:
     env.reset()
     result = env.step(np.ones((1, 3, 2)))
     assert np.all(result.observation.ego[..., 5:7] == 500.0)  # the observation has the command
-    np.testing.assert_allclose(env.sailing.conditions._thrust, 500.0 * (1 - np.exp(-0.5 / 0.4)))
+    np.testing.assert_allclose(env.physics.forces.thrust, 500.0 * (1 - np.exp(-0.5 / 0.4)))
 
 
 def test_the_weights_decide_which_row_new_episodes_follow() -> None:
@@ -275,3 +289,24 @@ def test_perfect_perception_shows_the_true_radius_and_the_first_rule_differs() -
     radii = seen.objects[..., 4][seen.mask > 0]
     assert radii.size
     assert np.all(radii == np.float32(reference.RADIUS))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_an_action_that_is_not_finite_is_refused_unless_nobody_takes_it(bad: float) -> None:
+    env = VectorEnv(EnvironmentSettings(), 2, seed=0)
+    env.reset()
+    action = np.zeros((2, 3, 2))
+    action[1, 2, 0] = bad
+    with pytest.raises(PolicyError, match="vessel 2 in episode 1"):
+        env.step(action)
+    env.state.active[1, 2] = False
+    assert np.isfinite(env.step(action).observation.rows).all()
+
+
+def test_an_observations_parts_are_views_of_its_row() -> None:
+    seen = Observations.empty((2, 3))
+    seen.objects[1, 2, 4, 3] = 7.0
+    seen.mask[1, 2, 4] = 1.0
+    assert seen.rows[1, 2, 7 + 4 * 5 + 3] == 7.0
+    assert seen.rows[1, 2, -1] == 1.0
+    assert all(part.base is not None for part in seen)

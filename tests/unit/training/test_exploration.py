@@ -1,19 +1,14 @@
 import numpy as np
 import pytest
 
-from twinscrew.training.exploration import (
-    CorrelatedNoise,
-    ExplorationSettings,
-    HeldLevels,
-    epsilon,
-)
+from twinscrew.training.collect import Exploration, ExplorationSettings, epsilon
 
 SETTINGS = ExplorationSettings(noise=0.5, correlation=0.9)
 
 
 def draw(steps=20_000, slots=3, seed=0):
-    noise = CorrelatedNoise(SETTINGS, slots, np.random.default_rng(seed))
-    return np.stack([noise.step() for _ in range(steps)])
+    made = Exploration(SETTINGS, 0, slots, np.random.default_rng(seed))
+    return np.stack([made.noise() for _ in range(steps)])
 
 
 def test_sizes_go_from_none_to_the_full_one():
@@ -45,18 +40,16 @@ def test_epsilon_falls_linearly_and_stays():
 
 
 def test_a_vessel_keeps_its_risk_level_until_its_end():
-    held = HeldLevels(8, 4000, np.random.default_rng(0))
-    before = held.levels.copy()
+    held = Exploration(SETTINGS, 8, 4000, np.random.default_rng(0))
+    before = held.risk.copy()
     assert np.unique(before * 8).tolist() == [1, 2, 3, 4, 5, 6, 7, 8]
     ended = np.arange(4000) < 2000
     held.renew(ended)
-    assert (held.levels[2000:] == before[2000:]).all()
-    assert (held.levels[:2000] != before[:2000]).mean() == pytest.approx(7 / 8, abs=0.03)
+    assert (held.risk[2000:] == before[2000:]).all()
+    assert (held.risk[:2000] != before[:2000]).mean() == pytest.approx(7 / 8, abs=0.03)
 
 
-def test_without_levels_nothing_is_held_or_drawn():
-    generator = np.random.default_rng(0)
-    held = HeldLevels(0, 4, generator)
+def test_without_levels_none_is_held():
+    held = Exploration(SETTINGS, 0, 4, np.random.default_rng(0))
     held.renew(np.ones(4, bool))
-    assert held.levels is None
-    assert generator.random() == np.random.default_rng(0).random()
+    assert held.risk is None

@@ -3,7 +3,7 @@ import math
 import pytest
 import torch
 
-from twinscrew.training.features import (
+from twinscrew.training.networks import (
     EGO_FEATURES,
     OBJECT_FEATURES,
     Scales,

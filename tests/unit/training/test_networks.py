@@ -3,17 +3,23 @@ import math
 import pytest
 import torch
 
-from twinscrew.training.encoders import EncoderSettings, PaperEncoder, See, SetEncoder, make_encoder
-from twinscrew.training.networks import (
-    Actor,
+from twinscrew.training.agents.ac_iqn import (
     CosineEmbedding,
-    NetworkSettings,
     PaperQuantileCritic,
     QuantileCritic,
     make_quantile_critic,
+)
+from twinscrew.training.networks import (
+    Actor,
+    EncoderSettings,
+    NetworkSettings,
+    Observations,
+    PaperEncoder,
+    See,
+    SetEncoder,
+    make_encoder,
     squash,
 )
-from twinscrew.training.observations import PACKED_COLUMNS, Observations, pack, unpack
 
 PAPER = NetworkSettings(kind="paper", critic="paper", normalise=False)
 OURS = NetworkSettings()
@@ -26,14 +32,6 @@ def observations(count, seed=0, objects=3):
     mask[:, :objects] = 1.0
     things = torch.randn(count, 5, 5, generator=generator) * 5
     return Observations(torch.randn(count, 7, generator=generator), things * mask[:, :, None], mask)
-
-
-def test_packing_and_unpacking_gives_the_same_back():
-    before = observations(4)
-    rows = pack(before)
-    assert rows.shape == (4, PACKED_COLUMNS)
-    for one, other in zip(before, unpack(rows), strict=True):
-        assert torch.equal(one, other)
 
 
 @BOTH

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from twinscrew.training.reward import RewardSettings, colregs_turn, reward
+from twinscrew.training.environment import RewardSettings, colregs_turn, reward
 
 RADIUS = 2.795
 NORTH = np.array([[[2.0, 0.0]]])

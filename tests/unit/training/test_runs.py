@@ -159,3 +159,15 @@ def test_a_line_that_is_no_text_is_named(tmp_path, line):
     (tmp_path / runs.LOG).write_bytes(line + b'\n{"event": "start"}\n')
     with pytest.raises(ConfigError, match="line 1 is not JSON"):
         runs.read_records(tmp_path / runs.LOG)
+
+
+def test_a_file_that_cannot_be_written_is_named(tmp_path):
+    with pytest.raises(TwinscrewError, match=r"nowhere.*policy\.onnx.*No such file"):
+        runs.replace_file(tmp_path / "nowhere" / "policy.onnx", lambda out: out.write(b"x"))
+
+
+def test_a_file_is_replaced_as_a_whole(tmp_path):
+    for content in (b"old", b"new"):
+        runs.replace_file(tmp_path / "policy.onnx", lambda out, data=content: out.write(data))
+    assert [p.name for p in tmp_path.iterdir()] == ["policy.onnx"]
+    assert (tmp_path / "policy.onnx").read_bytes() == b"new"

@@ -4,9 +4,8 @@ import pytest
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.training import runs
-from twinscrew.training.commands_report import train_report
-from twinscrew.training.curves import find_runs
-from twinscrew.training.tables import chosen, seeds_table
+from twinscrew.training.commands import train_report
+from twinscrew.training.report import chosen, find_runs, seeds_table
 
 
 def run(folder, *evaluations):

@@ -4,9 +4,8 @@ import torch
 from torch import nn
 
 from twinscrew.training.environment import EnvironmentSettings
-from twinscrew.training.evaluate import Evaluation
+from twinscrew.training.evaluate import Evaluation, NetworkPolicy, Score, validate
 from twinscrew.training.perception import Observations as Seen
-from twinscrew.training.validate import NetworkPolicy, Score, validate
 
 
 class Ahead(nn.Module):
@@ -25,11 +24,7 @@ def evaluation(rate, time_s):
 
 
 def test_only_vessels_on_the_water_are_asked_and_actions_become_rates():
-    seen = Seen(
-        np.zeros((2, 3, 7), np.float32),
-        np.zeros((2, 3, 5, 5), np.float32),
-        np.zeros((2, 3, 5), np.float32),
-    )
+    seen = Seen.empty((2, 3))
     active = np.array([[True, False, True], [False, False, True]])
     rates = NetworkPolicy(Ahead(), 0.5).rates(seen, active)
     assert rates[active].tolist() == [[1000.0, 1000.0]] * 3

@@ -1,8 +1,8 @@
 import pytest
 import torch
 
-from twinscrew.training.buffer import Batch
-from twinscrew.training.observations import Observations
+from twinscrew.training.networks import Observations
+from twinscrew.training.replay import Batch
 
 
 def _observations(count, seed):

@@ -4,14 +4,12 @@ import msgspec
 import pytest
 import torch
 
-from twinscrew.training.agents.ac_iqn import AcIqn, AcIqnSettings
-from twinscrew.training.agents.steps import descend
-from twinscrew.training.encoders import heed
-from twinscrew.training.losses import quantile_huber, worst_share
-from twinscrew.training.networks import NetworkSettings
+from twinscrew.training.agents.ac_iqn import AcIqn, AcIqnSettings, quantile_huber, worst_share
+from twinscrew.training.learner import Alone
+from twinscrew.training.networks import NetworkSettings, with_risk
 
 SMALL = NetworkSettings(ego_width=16, object_width=16, feature_width=32, hidden_width=32)
-SETTINGS = AcIqnSettings(network=SMALL, bfloat16=False)
+SETTINGS = AcIqnSettings(network=SMALL, precision="float32")
 
 
 def test_the_critics_loss_is_that_of_algorithm_2(batch):
@@ -37,7 +35,7 @@ def test_a_lower_risk_level_asks_only_for_the_worst_quantiles(batch):
     critic = agent.critic.forward
     agent.critic.forward = lambda s, a, f: asked.append(f) or critic(s, a, f)
     agent.retune(msgspec.structs.replace(SETTINGS, risk=0.25))
-    agent.actor_value(agent.prepare(batch(), agent.chance(64)))
+    agent.actor_loss(agent.prepare(batch(), agent.chance(64)))
     assert asked[0].max() <= 0.25
 
 
@@ -47,8 +45,7 @@ def test_the_actor_climbs_the_critic_without_changing_it(batch):
     critic = {k: v.clone() for k, v in agent.critic.state_dict().items()}
     before = agent.actor.output.weight.clone()
     lesson, (_, climb) = agent.prepare(some, agent.chance(64)), agent.descents()
-    learners = [(agent.networks[net], agent.optimizers[name]) for net, name in climb.learners]
-    descend(climb.loss(lesson)[0], learners, 10.0)
+    Alone(agent)._descend(climb, lesson)
     assert all(p.grad is None for p in agent.critic.parameters())
     assert not torch.equal(before, agent.actor.output.weight)
     assert all(torch.equal(critic[k], v) for k, v in agent.critic.state_dict().items())
@@ -112,7 +109,7 @@ def test_a_restored_agent_goes_on_as_if_nothing_had_happened(batch):
 
 def test_bfloat16_changes_little_and_the_losses_stay_float32(batch):
     exact = AcIqn(SETTINGS, 10)
-    rough = AcIqn(msgspec.structs.replace(SETTINGS, bfloat16=True), 10)
+    rough = AcIqn(msgspec.structs.replace(SETTINGS, precision="bfloat16"), 10)
     one, other = exact.update(batch(), 0.0), rough.update(batch(), 0.0)
     assert other["critic_loss"].dtype == torch.float32
     assert float(other["critic_loss"]) == pytest.approx(float(one["critic_loss"]), rel=0.05)
@@ -135,8 +132,8 @@ def test_a_conditioned_actor_climbs_each_samples_own_share(batch):
     risk = torch.tensor([0.125, 1.0]).repeat(8)[:, None]
     draws = {**agent.chance(16), "risk": risk}
     some = batch(16)
-    value = agent.actor_value(agent.prepare(some, draws))
-    seen = heed(agent.see(some.observations), risk)
+    value = -agent.actor_loss(agent.prepare(some, draws))[0]
+    seen = with_risk(agent.see(some.observations), risk)
     quantiles = agent.critic(seen, agent.actor(seen), draws["actor"])
     expected = torch.where(risk.squeeze(1) < 1.0, quantiles[:, 0], quantiles.mean(1)).mean()
     assert value.item() == pytest.approx(expected.item(), rel=1e-5)

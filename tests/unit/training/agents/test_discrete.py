@@ -2,13 +2,13 @@ import pytest
 import torch
 from torch import nn
 
-from twinscrew.training.agents.discrete import (
+from twinscrew.training.agents.dqn import Dqn, DqnSettings
+from twinscrew.training.agents.values import (
     LEVELS,
     PAIRS,
     Greedy,
     action_number,
     action_table,
-    random_pairs,
     taken,
 )
 
@@ -39,7 +39,7 @@ def test_all_quantiles_of_the_action_taken_are_picked():
 
 
 def test_random_pairs_are_pairs_and_all_of_them_come():
-    drawn = random_pairs(2000, torch.Generator().manual_seed(0))
+    drawn = Dqn(DqnSettings(), 0).random(2000)
     assert set(action_number(drawn).tolist()) == set(range(PAIRS))
 
 

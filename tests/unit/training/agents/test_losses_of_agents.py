@@ -6,17 +6,17 @@ import msgspec
 import pytest
 import torch
 
+from twinscrew.training.agents.ac_iqn import quantile_huber
 from twinscrew.training.agents.ddpg import Ddpg, DdpgSettings
-from twinscrew.training.agents.discrete import action_number
 from twinscrew.training.agents.dqn import Dqn, DqnSettings
 from twinscrew.training.agents.iqn import Iqn, IqnSettings
-from twinscrew.training.agents.rainbow import Rainbow, RainbowSettings
+from twinscrew.training.agents.rainbow import Rainbow, RainbowSettings, project_distribution
 from twinscrew.training.agents.sac import Sac, SacSettings, log_density
-from twinscrew.training.losses import project_distribution, quantile_huber
+from twinscrew.training.agents.values import action_number
 from twinscrew.training.networks import NetworkSettings
 
 NETWORK = NetworkSettings(ego_width=16, object_width=16, hidden_width=32)
-COMMON = {"network": NETWORK, "bfloat16": False}
+COMMON = {"network": NETWORK, "precision": "float32"}
 
 
 def half_square(error):

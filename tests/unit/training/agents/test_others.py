@@ -6,17 +6,17 @@ import msgspec
 import pytest
 import torch
 
+from twinscrew.training.agents import algorithm, make_agent
 from twinscrew.training.agents.ac_iqn import AcIqnSettings
 from twinscrew.training.agents.ddpg import DdpgSettings
 from twinscrew.training.agents.dqn import DqnSettings
 from twinscrew.training.agents.iqn import IqnSettings
 from twinscrew.training.agents.rainbow import RainbowSettings
-from twinscrew.training.agents.registry import algorithm, make_agent
 from twinscrew.training.agents.sac import SacSettings
 from twinscrew.training.networks import NetworkSettings
 
 NETWORK = NetworkSettings(ego_width=16, object_width=16, feature_width=32, hidden_width=32)
-COMMON = {"network": NETWORK, "bfloat16": False, "average_rate": 0.05, "learning_rate": 3e-3}
+COMMON = {"network": NETWORK, "precision": "float32", "average_rate": 0.05, "learning_rate": 3e-3}
 ALL = [
     AcIqnSettings(**COMMON, actor_rate=1e-3),
     IqnSettings(**COMMON),

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from twinscrew.training.bench_environment import vessel_steps_per_s
-from twinscrew.training.drive import steer_at_goal
+from twinscrew.training.bench import steer_at_goal, vessel_steps_per_s
 from twinscrew.training.environment import VectorEnv
 
 

@@ -3,24 +3,18 @@ import math
 import pytest
 import torch
 
-from twinscrew.training.losses import (
-    cross_entropy,
-    huber,
-    project_distribution,
-    quantile_huber,
-    stratified_fractions,
-    td_target,
-    uniform_fractions,
-)
+from twinscrew.training.agents.ac_iqn import draw_fractions, quantile_huber
+from twinscrew.training.agents.base import huber, td_target
+from twinscrew.training.agents.rainbow import cross_entropy, project_distribution
 
 
 def test_there_is_one_stratified_fraction_in_each_equal_part():
-    fractions = stratified_fractions(8, torch.Generator().manual_seed(3))
+    fractions = draw_fractions(1, 8, torch.Generator().manual_seed(3), stratified=True)
     assert ((fractions * 8).floor() == torch.arange(8)).all()
 
 
 def test_uniform_fractions_differ_between_samples_and_fill_the_unit_interval():
-    fractions = uniform_fractions(1000, 8, torch.Generator().manual_seed(0))
+    fractions = draw_fractions(1000, 8, torch.Generator().manual_seed(0), stratified=False)
     assert fractions.shape == (1000, 8)
     assert fractions.mean() == pytest.approx(0.5, abs=0.02)
     assert fractions.std() == pytest.approx(1 / math.sqrt(12), abs=0.01)

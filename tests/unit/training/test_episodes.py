@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from twinscrew.training.scenario_pool import Pool
-
-
-class Row(NamedTuple):
-    value: np.ndarray
+from twinscrew.training.episodes import Pool
 
 
 def test_a_pool_gives_every_slot_its_episodes_in_order_however_they_are_taken() -> None:
     asked: list[tuple[int, int]] = []
 
-    def make(slots: np.ndarray, numbers: np.ndarray) -> Row:
+    def make(slots: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray]:
         asked.extend(zip(slots.tolist(), numbers.tolist(), strict=True))
-        return Row(100 * slots + numbers)
+        return (100 * slots + numbers,)
 
     pool = Pool(make, slots=3, depth=4)  # type: ignore[arg-type]
     taken: dict[int, list[int]] = {0: [], 1: [], 2: []}

@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, norm, vonmises
 
-from twinscrew.training.perception_noise import NoiseBank, NoiseSettings, draw, radius_factors
-from twinscrew.training.streams import Stream, slot_stream
+from twinscrew.training.episodes import Stream, slot_stream
+from twinscrew.training.perception import Noise, NoiseSettings, radius_factors
 
 
 def test_position_and_velocity_noise_are_normal_with_their_deviations() -> None:
     settings = NoiseSettings(position_m=0.05, velocity_mps=0.2)
-    noise = draw(settings, [np.random.default_rng(0)], (20_000,))
-    for values, deviation in ((noise.position[0], 0.05), (noise.velocity[0], 0.2)):
+    noise = Noise(settings, [np.random.default_rng(0)], (20_000,), block=1)
+    position, velocity, _ = (part[0] for part in noise.values(noise.next()))
+    for values, deviation in ((position, 0.05), (velocity, 0.2)):
         for part in (values.real, values.imag):
             assert kstest(part, norm(scale=deviation).cdf).pvalue > 0.001
-    assert abs(np.corrcoef(noise.position[0].real, noise.position[0].imag)[0, 1]) < 0.03
+    assert abs(np.corrcoef(position.real, position.imag)[0, 1]) < 0.03
 
 
 @pytest.mark.parametrize("kappa", [0.5, 1.0, 4.0])
@@ -35,19 +36,20 @@ def test_a_concentration_of_zero_is_uniform() -> None:
 
 
 def test_perfect_perception_has_no_noise() -> None:
-    noise = draw(NoiseSettings(perfect=True), [np.random.default_rng(0)], (5,))
-    assert not noise.position.any()
-    assert not noise.velocity.any()
-    assert (noise.radius == 1.0).all()
+    noise = Noise(NoiseSettings(perfect=True), [np.random.default_rng(0)], (5,))
+    position, velocity, radius = noise.values(noise.next())
+    assert not position.any()
+    assert not velocity.any()
+    assert (radius == 1.0).all()
 
 
 def test_a_bank_gives_each_slot_its_own_numbers_across_blocks() -> None:
-    def bank(slots: list[int]) -> NoiseBank:
+    def bank(slots: list[int]) -> Noise:
         streams = [slot_stream(3, k, Stream.PERCEPTION) for k in slots]
-        return NoiseBank(NoiseSettings(), streams, (2, 3), block=4)
+        return Noise(NoiseSettings(), streams, (2, 3), block=4)
 
     both, one = bank([5, 6]), bank([6])
-    drawn = [(both.next().position[1], one.next().position[0]) for _ in range(10)]
+    drawn = [(both.next()[1].copy(), one.next()[0].copy()) for _ in range(10)]
     for left, right in drawn:
         assert np.array_equal(left, right)
     assert not np.array_equal(drawn[0][0], drawn[4][0])

@@ -3,7 +3,7 @@ import pytest
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.settings import CONFIG_DIR
 from twinscrew.training.agents.ac_iqn import AcIqnSettings
-from twinscrew.training.train_settings import load_training, parse_seeds, phase_settings
+from twinscrew.training.settings import load_training, parse_seeds, phase_settings
 
 START = """
 [agent]

@@ -4,20 +4,20 @@ import msgspec
 import pytest
 import torch
 
+from twinscrew.training.agents import algorithm, make_agent
 from twinscrew.training.agents.ac_iqn import AcIqnSettings
 from twinscrew.training.agents.ddpg import DdpgSettings
 from twinscrew.training.agents.dqn import DqnSettings
 from twinscrew.training.agents.iqn import IqnSettings
+from twinscrew.training.agents.ppo import PpoSettings
 from twinscrew.training.agents.rainbow import RainbowSettings
-from twinscrew.training.agents.registry import algorithm, make_agent
 from twinscrew.training.agents.sac import SacSettings
-from twinscrew.training.buffer import TRANSITION_COLUMNS, Drawn
-from twinscrew.training.networks import NetworkSettings
-from twinscrew.training.observations import Observations
-from twinscrew.training.stack import Stack, limit
+from twinscrew.training.learner import Stack, limit
+from twinscrew.training.networks import NetworkSettings, Observations
+from twinscrew.training.replay import TRANSITION_COLUMNS, Drawn
 
 NETWORK = NetworkSettings(ego_width=16, object_width=16, feature_width=16, hidden_width=16)
-COMMON = {"network": NETWORK, "bfloat16": False, "gradient_norm": 0.5}
+COMMON = {"network": NETWORK, "precision": "float32", "gradient_norm": 0.5}
 ALL = [
     AcIqnSettings(**COMMON, risk_levels=8, target_every=2),
     IqnSettings(**COMMON),
@@ -25,6 +25,7 @@ ALL = [
     DdpgSettings(**COMMON),
     RainbowSettings(**COMMON),
     DqnSettings(**COMMON),
+    PpoSettings(**COMMON),
 ]
 EVERY = pytest.mark.parametrize("settings", ALL, ids=algorithm)
 SEEDS = (0, 1, 2)
@@ -37,7 +38,8 @@ def drawn(seed, pairs, weighted):
     rows[:, 37:39] = rows[:, 37:39].clamp(-1, 1)
     if pairs:
         rows[:, 37:39] = (rows[:, 37:39] * 2).round() / 2
-    return Drawn(rows, torch.rand(32, generator=generator) if weighted else None)
+    weight = torch.rand(32, generator=generator) if weighted else None
+    return Drawn(rows, weight, extra=torch.randn(32, 3, generator=generator))
 
 
 def learn_both_ways(settings, updates=3):
