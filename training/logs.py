@@ -91,9 +91,7 @@ def _wandb_run(project: str, folder: Path, settings: dict[str, Any]) -> Any:
     try:
         import wandb
     except ModuleNotFoundError as error:
-        raise ConfigError(
-            "Weights & Biases is missing: pip install wandb", key="--wandb"
-        ) from error
+        raise ConfigError("not installed: pip install wandb", key="--wandb") from error
     name = "/".join(folder.resolve().parts[-2:])
     return wandb.init(project=project, name=name, dir=str(folder), config=settings)
 
@@ -139,6 +137,7 @@ class Progress:
         now = time.monotonic()
         if self._first is None:
             self._first, self._next = (now, step), now + EVERY_S / 2
+            return
         if self._console.is_terminal or now < self._next:
             return
         self._next = now + EVERY_S

@@ -18,8 +18,13 @@ FILES = sorted((CONFIG_DIR / "training").rglob("*.toml"))
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_it_gathers_learns_evaluates_and_saves(file, tmp_path):
     torch.set_num_threads(1)
+    loaded = load_training(file)
+    agent = loaded.agent
+    if hasattr(agent, "horizon"):
+        agent = msgspec.structs.replace(agent, horizon=8)
     settings = msgspec.structs.replace(
-        load_training(file),
+        loaded,
+        agent=agent,
         parallel_episodes=4,
         replay=2000,
         warm_up=60,

@@ -9,8 +9,10 @@ import time
 import pytest
 import torch
 
+from twinscrew.export.command import export
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.training import evaluate, runs
+from twinscrew.training.evaluate import open_policy
 from twinscrew.training.logs import Progress
 from twinscrew.training.scenarios import six_settings
 from twinscrew.training.settings import load_training
@@ -207,3 +209,40 @@ def test_a_killed_run_goes_on_from_its_last_checkpoint(tmp_path):
     log = runs.read_records(out / "seed_0" / runs.LOG)
     assert [r["event"] for r in log].count("start") == 1
     assert runs.load_checkpoint(checkpoint, "ac_iqn")["where"]["updates"] > before["updates"]
+
+
+def test_a_run_that_is_asked_to_stop_saves_says_where_and_goes_on(tmp_path):
+    """The first networks are there within seconds; SIGTERM and Ctrl-C save all that was learnt."""
+    file, out = written(tmp_path, second=400_000), tmp_path / "out"
+    file.write_text(file.read_text().replace("evaluate_every = 20", "evaluate_every = 100000"))
+    command = [sys.executable, "-m", "twinscrew.runtime.app", "train", str(file), "--out", str(out)]
+    step = 0
+    for number in (signal.SIGTERM, signal.SIGINT):
+        process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        latest = out / "seed_0" / runs.LATEST
+        while not latest.exists():
+            assert process.poll() is None
+            time.sleep(0.1)
+        process.send_signal(number)
+        _, said = process.communicate()
+        checkpoint = out / "seed_0" / runs.CHECKPOINT
+        assert f"saved {checkpoint}" in said
+        assert process.returncode == 128 + number
+        where = runs.load_checkpoint(checkpoint, "ac_iqn")["where"]
+        assert where["step"] > step
+        assert where["updates"] > 0
+        assert not latest.exists()  # the checkpoint is newer
+        step = where["step"]
+
+
+@pytest.mark.parametrize("name", [runs.LATEST, runs.CHECKPOINT])
+def test_whatever_a_run_has_saved_can_be_exported_and_sailed(tmp_path, name, capsys):
+    run = tmp_path / "run" / "seed_0"
+    training = Training(load_training(written(tmp_path)), 0, run)
+    with runs.locked(run), training.opened():
+        training.keep_latest() if name == runs.LATEST else training.save()
+    export(run, tmp_path / "mine.onnx", episodes=1, margin=None, risk=None, seed=1, last=False)
+    assert name in capsys.readouterr().err
+    card = json.loads((tmp_path / "mine.json").read_text())
+    assert card["trained"]["checkpoint"]["selected_on"] is None
+    assert open_policy(str(tmp_path / "mine.onnx")).name == "ac_iqn"
