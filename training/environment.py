@@ -360,14 +360,14 @@ def _checked(
     """Give where there is a COLREGs situation, and the object, (n, 5), it is with."""
     rules = settings.rules
     slow = rules.min_speed_mps**2
-    candidate = np.square(objects[..., 2]) + np.square(objects[..., 3]) >= slow
+    vx, vy, surge, sway = objects[..., 2], objects[..., 3], v_ego[..., 0], v_ego[..., 1]
+    candidate = vx * vx + vy * vy >= slow
     candidate &= mask > 0
-    candidate &= (np.square(v_ego).sum(axis=-1) >= slow)[..., None]
+    candidate &= (surge * surge + sway * sway >= slow)[..., None]
+    episode, vessel, k = np.nonzero(candidate)
     if settings.which == "closest":  # nearest first: the first moving object of each vessel
-        episode, vessel = np.nonzero(candidate.any(axis=-1))
-        k = candidate.argmax(axis=-1)[episode, vessel]
-    else:
-        episode, vessel, k = np.nonzero(candidate)
+        first = np.diff(episode * mask.shape[1] + vessel, prepend=-1) != 0
+        episode, vessel, k = episode[first], vessel[first], k[first]
     chosen = objects[episode, vessel, k].astype(np.float64)
     kind = situation(chosen[:, :2], chosen[:, 2:4], v_ego[episode, vessel], rules)
     kept = np.flatnonzero(kind != Situation.NONE)

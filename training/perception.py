@@ -237,7 +237,9 @@ class Perception:
         surface = np.abs(p) - radius
         turn = heading.conj().astype(np.complex64)[which[0], which[1]]
         p, v = p * turn, v * turn
-        features = np.stack([p.real, p.imag, v.real, v.imag, radius], axis=-1)
+        features = np.empty((len(radius), OBJECT_COLUMNS), np.float32)
+        for column, part in enumerate((p.real, p.imag, v.real, v.imag, radius)):
+            features[:, column] = part
         _write_nearest(seen, which, features, surface)
         return seen
 
@@ -281,12 +283,11 @@ def _write_nearest(
     """Write each observer's pairs, nearest surface first; pairs are ordered by observer."""
     vessels, most = into.rows.shape[1], into.mask.shape[-1]
     observer = which[0] * vessels + which[1]
-    order = np.lexsort((surface, observer))
-    observer = observer[order]
-    first = np.searchsorted(observer, observer)  # where this observer's pairs begin
-    rank = np.arange(len(observer)) - first
+    # One key sorts by observer, then surface: far less than 1000 m, and exact in float64.
+    order = np.argsort(1000.0 * observer + surface, kind="stable")
+    begin = np.cumsum(np.bincount(observer, minlength=len(into.rows) * vessels))
+    rank = np.arange(len(order)) - np.concatenate([[0], begin[:-1]])[observer]
     kept = rank < most
-    episode, vessel = np.divmod(observer[kept], vessels)
-    into.objects[episode, vessel, rank[kept]] = features[order[kept]]
-    into.mask[episode, vessel, rank[kept]] = 1.0
-    into.rows += 0.0  # and no negative zeros
+    episode, vessel, rank = which[0][kept], which[1][kept], rank[kept]
+    into.objects[episode, vessel, rank] = features[order[kept]] + np.float32(0.0)  # and no -0.0
+    into.mask[episode, vessel, rank] = 1.0

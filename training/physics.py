@@ -191,6 +191,7 @@ class Forces:
             if low > high:
                 raise ConfigError(f"({low}, {high}) is not (least, greatest)", key=name)
         self.settings, self.shape, self._dt = settings, shape, substep_s
+        self._acting = settings.forces
         other = settings.other_vessel
         self._varied = other is not None
         vessels = math.prod(shape) if self._varied else 1
@@ -206,7 +207,7 @@ class Forces:
 
     def begin(self, slots: Index, chance: Float64) -> None:
         """Draw the conditions of new episodes from uniform numbers, (n, V + 1, CHANCES)."""
-        if not (self._varied or self.settings.forces):
+        if not (self._varied or self._acting):
             return
         s, all_, each = self.settings, chance[:, -1], chance[:, :-1]
         speed = _between(s.wind_mps, all_[:, 0])
@@ -226,7 +227,7 @@ class Forces:
         """Take in a decision: command (2, E, V) [N], heading and active (E, V), time (E,) [s]."""
         self._command = command
         self._constant = self._of_thrusters(command)
-        if not self.settings.forces:
+        if not self._acting:
             return
         self._heading = heading.reshape(-1).copy()
         self._active = active.reshape(-1)
@@ -238,7 +239,7 @@ class Forces:
 
         The very same array again means the same force.
         """
-        if not self.settings.forces:
+        if not self._acting:
             return self._constant
         if self._substep:
             self._heading += self._dt * nu[2]
@@ -250,8 +251,11 @@ class Forces:
 
     def _of_thrusters(self, thrust: Float64) -> Float64:
         left, right = thrust.reshape(2, -1)
-        yaw = (left - right) * self.coefficients.lever
-        return np.stack([left + right, np.zeros_like(left), yaw])
+        tau = np.zeros((3, len(left)))
+        np.add(left, right, out=tau[0])
+        np.subtract(left, right, out=tau[2])
+        tau[2] *= self.coefficients.lever
+        return tau
 
     def _thrusters(self) -> Float64:
         """Let the thrust follow its command: first order."""
@@ -456,16 +460,14 @@ def between_vessels(trajectory: Float64, strayed: Float64, there: Mask, radius: 
     touched : (E, V) bool
     """
     touched = np.zeros(there.shape, bool)
-    one, other = _pairs(there.shape[1])
-    known = np.concatenate([trajectory[0], strayed[None]])
-    first, second = known.take(one, axis=2), known.take(other, axis=2)
-    north, east, _ = first - second
-    reach = 2 * radius + first[2] + second[2]
+    north, east = trajectory[0]
+    north, east = north[:, :, None] - north[:, None], east[:, :, None] - east[:, None]
+    reach = strayed + radius
+    reach = reach[:, :, None] + reach[:, None]
     near = north * north + east * east < reach * reach
-    near &= there[:, one] & there[:, other]
-    episode, pair = np.nonzero(near)
+    near &= there[:, :, None] & there[:, None] & _later(there.shape[1])
+    episode, i, j = np.nonzero(near)
     if episode.size:
-        i, j = one[pair], other[pair]
         offset = trajectory[1:, :, episode, i] - trajectory[1:, :, episode, j]
         hit = _closest(offset) < 2 * radius
         touched[episode[hit], i[hit]] = True
@@ -507,5 +509,6 @@ def _closest(offset: Float64) -> Float64:
 
 
 @lru_cache(maxsize=8)
-def _pairs(vessels: int) -> tuple[Index, Index]:
-    return np.triu_indices(vessels, k=1)
+def _later(vessels: int) -> Mask:
+    """Tell of each two vessels, (V, V), whether the second comes after the first."""
+    return np.triu(np.ones((vessels, vessels), bool), k=1)
