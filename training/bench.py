@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from twinscrew.runtime.messages.types import Float32, Float64
 from twinscrew.runtime.settings import shipped
-from twinscrew.training.environment import EnvironmentSettings, VectorEnv
+from twinscrew.training.environment import EnvironmentSettings, VectorEnv, steer_at_goal
 from twinscrew.training.scenarios import six_settings
 
 if TYPE_CHECKING:
@@ -28,22 +27,11 @@ TOGETHER = 4
 """[-] Seeds of the stacked figure."""
 TRIAL_S = 0.5
 """[s] Given to each precision before a training run."""
-CRUISE_N, TURN_N, STEP_N = 600.0, 400.0, 500.0
-"""[N] Thrust on a straight course; greatest difference from it; change by an action of 1."""
 
 
 def run() -> dict[str, Any]:
     """Give the figures under the key "training"."""
     return {"training": {**vessel_steps_per_s(), **update_speed()}}
-
-
-def steer_at_goal(ego: Float32) -> Float64:
-    """Give actions, (..., 2) in [-1, 1], for ego states, (..., 7): turn at the goal, sail on."""
-    bearing = np.arctan2(ego[..., 1], ego[..., 0])
-    turn = TURN_N * np.clip(2.0 * bearing - 2.0 * ego[..., 4], -1.0, 1.0)
-    wanted = np.stack([CRUISE_N + turn, CRUISE_N - turn], axis=-1)
-    action: Float64 = np.clip((wanted - ego[..., 5:7]) / STEP_N, -1.0, 1.0)
-    return action
 
 
 def vessel_steps_per_s(episodes: int = EPISODES, rounds: int = ROUNDS) -> dict[str, float]:

@@ -38,10 +38,12 @@ from twinscrew.training.perception import Noise, NoiseSettings, Observations, Pe
 from twinscrew.training.physics import RATE_LIMIT, ConditionSettings, Coriolis, Physics, State
 from twinscrew.training.scenarios import Index, MapSettings, Mask, ScenarioSettings
 
-__all__ = ["RATE_LIMIT", "EnvironmentSettings", "StepResult", "VectorEnv"]
+__all__ = ["RATE_LIMIT", "EnvironmentSettings", "StepResult", "VectorEnv", "steer_at_goal"]
 
 AHEAD = 16
 """[-] Episodes that are drawn ahead for a slot: many at a time cost little each."""
+CRUISE_N, TURN_N, STEP_N = 600.0, 400.0, 500.0
+"""[N] Of `steer_at_goal`: thrust straight ahead; greatest difference; change by an action of 1."""
 NonPositive = Annotated[float, Meta(le=0.0)]
 
 
@@ -375,3 +377,12 @@ def _checked(
         row = episode * mask.shape[1] + vessel
         kept = kept[np.unique(row[kept], return_index=True)[1]]
     return (episode[kept], vessel[kept]), chosen[kept]
+
+
+def steer_at_goal(ego: Float32) -> Float64:
+    """Give actions, (..., 2) in [-1, 1], for ego states, (..., 7): turn at the goal, sail on."""
+    bearing = np.arctan2(ego[..., 1], ego[..., 0])
+    turn = TURN_N * np.clip(2.0 * bearing - 2.0 * ego[..., 4], -1.0, 1.0)
+    wanted = np.stack([CRUISE_N + turn, CRUISE_N - turn], axis=-1)
+    action: Float64 = np.clip((wanted - ego[..., 5:7]) / STEP_N, -1.0, 1.0)
+    return action

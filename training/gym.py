@@ -25,8 +25,12 @@ from pettingzoo import ParallelEnv
 from twinscrew.runtime.errors import ConfigError, one_of
 from twinscrew.runtime.messages.types import Float32
 from twinscrew.runtime.settings import convert
-from twinscrew.training.bench import steer_at_goal
-from twinscrew.training.environment import EnvironmentSettings, StepResult, VectorEnv
+from twinscrew.training.environment import (
+    EnvironmentSettings,
+    StepResult,
+    VectorEnv,
+    steer_at_goal,
+)
 from twinscrew.training.perception import Observations
 from twinscrew.training.physics import State
 from twinscrew.training.scenarios import ScenarioSettings, published_distance_m

@@ -15,8 +15,7 @@ from twinscrew.export.onnx_file import DeployedPolicy, onnx_bytes
 from twinscrew.runtime.app.cli import main
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.training.agents.ac_iqn import AcIqnSettings
-from twinscrew.training.bench import steer_at_goal
-from twinscrew.training.environment import EnvironmentSettings, VectorEnv
+from twinscrew.training.environment import EnvironmentSettings, VectorEnv, steer_at_goal
 from twinscrew.training.evaluate import (
     Evaluation,
     OneByOne,

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 from twinscrew.runtime.app.cli import main
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.training.bench import steer_at_goal
-from twinscrew.training.environment import EnvironmentSettings
+from twinscrew.training.environment import EnvironmentSettings, steer_at_goal
 from twinscrew.training.evaluate import open_policy
 from twinscrew.training.perception import NoiseSettings
 from twinscrew.training.traffic import (
