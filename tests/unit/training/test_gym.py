@@ -23,7 +23,7 @@ from twinscrew.training.gym import VesselsEnv, VesselVectorEnv, flat_scale
 from twinscrew.training.scenarios import six_settings
 
 CROWDED = EnvironmentSettings(scenarios=six_settings()[-1:], decision_limit=60)
-EXAMPLE = Path(__file__).parents[3] / "docs" / "examples" / "sb3_ppo.py"
+EXAMPLE = Path(__file__).parents[3] / "examples" / "sb3_ppo.py"
 
 
 @pytest.fixture(autouse=True)
