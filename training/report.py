@@ -162,7 +162,7 @@ def draw_learning_curves(groups: Mapping[str, list[Path]], file: Path) -> None:
             axis.fill_between(x, low, high, color=line.get_color(), alpha=0.25)
         axis.set(xlabel="transitions [million]", ylabel=label)
         axis.grid(alpha=0.3)
-    grid[0][0].legend()
+    grid[0][0].legend(title="line: mean, band: standard error")
     figure.savefig(file)
     plt.close(figure)
 
