@@ -231,6 +231,7 @@ def innovations(
     H: NDArray[np.float64],
     R: NDArray[np.float64],
     gate: NDArray[np.float64],
+    most: float,
 ) -> NDArray[np.float64]: ...
 
 class Law:

@@ -20,7 +20,7 @@ from twinscrew.runtime.errors import ConfigError, one_of
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64
 from twinscrew.runtime.settings import Settings, load, shipped
 from twinscrew.runtime.tracking.detections import Look, bearings, positions
-from twinscrew.runtime.tracking.fusion import Fusion, FusionSettings
+from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
 
 SENSORS = {1: "lidar", 2: "radar", 3: "ir", 4: "eo"}
 """Names of the benchmark's sensor numbers."""
@@ -40,7 +40,7 @@ class NoiseSettings(Settings, frozen=True, kw_only=True):
 class RecordingSettings(Settings, frozen=True, kw_only=True):
     """A tracker's settings, and the noise of each sensor."""
 
-    tracker: FusionSettings
+    tracker: TrackerSettings
     """The tracker and its sources."""
     noise: dict[str, NoiseSettings]
     """By source."""
@@ -117,14 +117,14 @@ def track(
     for name in sensors:
         if name not in SENSORS.values():
             raise ConfigError(one_of(name, list(SENSORS.values())), key="--sensors")
-    fusion = Fusion(settings.tracker)
+    tracker = Tracker(settings.tracker)
     for record in records:
         if record.sensor not in sensors:
             continue
-        fusion.take(look_of(record, settings))
+        tracker.take(look_of(record, settings))
         reported = [
-            Reported(track.id, track.x, track.P, track.presence.existence)
-            for track in fusion.tracks_at(record.stamp_ns, record.own_N)
+            Reported(track.id, track.x, track.P, track.existence)
+            for track in tracker.tracks_at(record.stamp_ns, record.own_N)
         ]
         yield Frame(record.time_s, record.sensor, reported)
 

@@ -23,7 +23,7 @@ from twinscrew.hil_sim.tracks.autoferry import (
     within_range,
 )
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.tracking.detections import STATES
+from twinscrew.runtime.tracking.kalman import STATES
 
 PSD, FIRST_MPS, DETECTION, CLUTTER, COAST_S, HITS = 0.3, 2.5, 0.9, 5e-6, 4.0, 3
 

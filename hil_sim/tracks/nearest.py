@@ -22,8 +22,7 @@ from twinscrew.hil_sim.tracks.autoferry import (
     within_range,
 )
 from twinscrew.runtime.messages.types import Float64
-from twinscrew.runtime.tracking.detections import STATES
-from twinscrew.runtime.tracking.kalman import FilterBank, motion_noise, transition
+from twinscrew.runtime.tracking.kalman import STATES, FilterBank, motion_noise, transition
 
 PSD, FIRST_MPS, GATE_SIGMA, HITS, COAST_S = 0.3, 2.5, 4.0, 3, 4.0
 

@@ -18,9 +18,7 @@ import numpy as np
 
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import Fraction, NonNegative, Positive, Settings
-
-STATES = 6
-"""[-] Length of the state."""
+from twinscrew.runtime.tracking.kalman import STATES
 
 
 class SourceSettings(Settings, frozen=True, kw_only=True):
@@ -57,6 +55,8 @@ class SourceSettings(Settings, frozen=True, kw_only=True):
     reported once it has moved."""
     steady_s: NonNegative = 0.0
     """[s] Or once it has been there for so long; 0: never."""
+    radius_m: Positive = 3.0
+    """[m] Radius of a target whose size no source has told."""
     shape_m: tuple[NonNegative, NonNegative] = (0.0, 0.0)
     """[m] How far the detected place of an object may be off its centre, along and across the line
     of sight, for as long as the aspect stays the same."""
@@ -133,6 +133,20 @@ class Look:
             R_rad2=np.array([item.R_rad2 for item in detections], np.float64),
             extras=[item.extras for item in detections],
         )
+
+
+def no_detections(source: str, origin_N: Float64, heading: float) -> Look:
+    """Make a look of a source that has detected nothing."""
+    return Look(
+        stamp_ns=0,
+        source=source,
+        origin_N=origin_N,
+        heading=heading,
+        z=np.empty((0, 2)),
+        H=np.empty((0, 2, STATES)),
+        R=np.empty((0, 2, 2)),
+        R_rad2=np.empty(0),
+    )
 
 
 def positions(

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twinscrew.runtime._native import invert_stack
+from twinscrew.runtime.lean_imports import kalman_filter
 from twinscrew.runtime.messages.types import Float64
-from twinscrew.runtime.tracking.light import kalman_filter
 
 if TYPE_CHECKING:
     from filterpy.kalman import KalmanFilter

@@ -5,10 +5,19 @@ import pytest
 
 from twinscrew.runtime.settings import convert
 from twinscrew.runtime.tracking.detections import bearings, positions
-from twinscrew.runtime.tracking.fusion import Fusion, FusionSettings
+from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
 
 SECOND = 1_000_000_000
 OWN = np.zeros(2)
+
+
+PLAIN = {
+    "acceleration_psd": 0.3,
+    "under_way_mps": 0.5,
+    "first_speed_mps": 2.5,
+    "gate_sigma": 4.0,
+    "buffer_s": 4.0,
+}
 
 
 def settings(**more):
@@ -20,8 +29,8 @@ def settings(**more):
         "clutter": 0.1,
     }
     lidar = {"detection": [0.95, 0.95, 0.0], "range_m": [0.0, 80.0, 90.0], "max_range_m": 90.0}
-    tables = {"sources": {"radar": radar, "camera": camera, "lidar": lidar}} | more
-    return convert(tables, FusionSettings)
+    tables = {"sources": {"radar": radar, "camera": camera, "lidar": lidar}, **PLAIN} | more
+    return convert(tables, TrackerSettings)
 
 
 def radar(places, t, **more):
@@ -55,18 +64,18 @@ def reported(fusion, t):
 
 
 def test_a_steady_target_is_reported_and_followed():
-    fusion, rng = Fusion(settings()), np.random.default_rng(0)
+    fusion, rng = Tracker(settings()), np.random.default_rng(0)
     for t in range(15):
         fusion.take(radar([sail(t) + rng.normal(0, 0.7, 2)], t))
     (track,) = reported(fusion, 14)
     assert np.hypot(*(track.x[:2] - sail(14))) < 2.0
     np.testing.assert_allclose(track.x[2:4], [-2.0, 0.0], atol=0.7)
-    assert track.presence.existence > 0.99
+    assert track.existence > 0.99
 
 
 def test_scattered_clutter_is_no_track():
     source = {"clutter": 4 / 400**2, "range_m": [0.0, 300.0], "detection": [0.9, 0.9]}
-    fusion = Fusion(convert({"sources": {"radar": source}}, FusionSettings))
+    fusion = Tracker(convert({"sources": {"radar": source}, **PLAIN}, TrackerSettings))
     rng = np.random.default_rng(0)
     for t in range(60):
         fusion.take(radar(rng.uniform(-200, 200, (4, 2)), t))
@@ -74,7 +83,7 @@ def test_scattered_clutter_is_no_track():
 
 
 def test_a_target_that_vanishes_within_sight_is_dropped_and_its_identity_not_used_again():
-    fusion = Fusion(settings())
+    fusion = Tracker(settings())
     for t in range(10):
         fusion.take(radar([sail(t)], t))
     (first,) = reported(fusion, 9)
@@ -89,24 +98,24 @@ def test_a_target_that_vanishes_within_sight_is_dropped_and_its_identity_not_use
 
 def test_a_look_of_a_source_that_cannot_see_a_target_says_nothing_about_it():
     """A LiDAR that reaches 90 m does not see a target at 108 m: that is no evidence."""
-    fusion = Fusion(settings())
+    fusion = Tracker(settings())
     for t in range(10):
         fusion.take(radar([[108.0, 0.0]], t))
     (before,) = reported(fusion, 9)
     for k in range(50):
         fusion.take(radar([], 9 + 0.01 * k, source="lidar"))
     (after,) = reported(fusion, 9.5)
-    assert after.presence.existence == pytest.approx(before.presence.existence, abs=0.02)
+    assert after.existence == pytest.approx(before.existence, abs=0.02)
     for k in range(10):
         fusion.take(radar([], 9.5 + 0.01 * k))
-    gone = [track.presence.existence for track in reported(fusion, 9.6)]
+    gone = [track.existence for track in reported(fusion, 9.6)]
     assert max(gone, default=0.0) < 0.9
 
 
 def test_a_sector_that_looks_elsewhere_says_nothing():
     one_side = settings().sources["radar"]
     both = {"sources": {"radar": {"sector_rad": [-1.0, 1.0], "clutter": one_side.clutter}}}
-    fusion = Fusion(convert(both, FusionSettings))
+    fusion = Tracker(convert(both, TrackerSettings))
     for t in range(10):
         fusion.take(radar([[80.0, 0.0]], t))
     (before,) = reported(fusion, 9)
@@ -124,18 +133,18 @@ def test_a_sector_that_looks_elsewhere_says_nothing():
         )
         fusion.take(turned)
     (after,) = reported(fusion, 9.4)
-    assert after.presence.existence == pytest.approx(before.presence.existence, abs=0.02)
+    assert after.existence == pytest.approx(before.existence, abs=0.02)
 
 
 def test_bearings_start_nothing():
-    fusion = Fusion(settings())
+    fusion = Tracker(settings())
     for t in range(30):
         fusion.take(camera([0.3], t))
     assert not reported(fusion, 29)
 
 
 def test_bearings_sharpen_a_track_across_the_line_of_sight():
-    plain, aided = Fusion(settings()), Fusion(settings())
+    plain, aided = Tracker(settings()), Tracker(settings())
     for t in range(12):
         for fusion in (plain, aided):
             fusion.take(radar([sail(t)], t))
@@ -153,15 +162,15 @@ def test_looks_in_any_order_give_what_looks_in_order_give():
     late = sorted(looks, key=lambda look: look.stamp_ns + rng.uniform(0, 2.0) * SECOND)
     answers = []
     for order in (in_order, late):
-        fusion = Fusion(settings())
+        fusion = Tracker(settings())
         assert all(fusion.take(look) for look in order)
         (track,) = reported(fusion, 20)
-        answers.append(np.concatenate([track.x, track.P.ravel(), [track.presence.existence]]))
+        answers.append(np.concatenate([track.x, track.P.ravel(), [track.existence]]))
     np.testing.assert_allclose(*answers, rtol=1e-9)
 
 
 def test_a_look_that_comes_too_late_is_left_out_and_harms_nothing():
-    fusion = Fusion(settings())
+    fusion = Tracker(settings())
     for t in range(10):
         fusion.take(radar([sail(t)], t))
     (before,) = reported(fusion, 9)
@@ -173,7 +182,7 @@ def test_a_look_that_comes_too_late_is_left_out_and_harms_nothing():
 def test_a_delay_of_the_source_is_made_up_for():
     """A radar that stamps its turns 2 s late shows where a target was, not where it is."""
     delayed = {"delay_s": 2.0, "detection": [0.9, 0.9], "range_m": [0.0, 300.0]}
-    fusion = Fusion(convert({"sources": {"radar": delayed}}, FusionSettings))
+    fusion = Tracker(convert({"sources": {"radar": delayed}, **PLAIN}, TrackerSettings))
     for t in range(20):
         fusion.take(radar([sail(t - 2.0)], t))
     (track,) = reported(fusion, 19)
@@ -182,7 +191,7 @@ def test_a_delay_of_the_source_is_made_up_for():
 
 def test_two_targets_that_pass_keep_their_identities():
     rng = np.random.default_rng(5)
-    fusion, names = Fusion(settings()), []
+    fusion, names = Tracker(settings()), []
     for k in range(80):
         t = 0.5 * k
         places = np.array([[80.0, -40.0 + 2.0 * t], [92.0, 40.0 - 2.0 * t]])
@@ -195,7 +204,7 @@ def test_two_targets_that_pass_keep_their_identities():
 
 
 def test_a_target_in_the_shadow_of_another_is_not_given_up():
-    fusion = Fusion(settings())
+    fusion = Tracker(settings())
     far = lambda t: np.array([120.0, -30.0 + 2.0 * t])  # noqa: E731
     near = np.array([60.0, 5.0])
     for k in range(60):
@@ -214,7 +223,7 @@ def test_a_target_in_the_shadow_of_another_is_not_given_up():
 def test_land_is_reported_only_if_it_moves():
     land = {"sees_land": True, "detection": [0.9, 0.9], "range_m": [0.0, 300.0]}
     fusion, rng = (
-        Fusion(convert({"sources": {"radar": land}}, FusionSettings)),
+        Tracker(convert({"sources": {"radar": land}, **PLAIN}, TrackerSettings)),
         np.random.default_rng(2),
     )
     for t in range(60):
@@ -226,7 +235,7 @@ def test_land_is_reported_only_if_it_moves():
 
 def test_a_vessel_and_what_it_tows_are_one():
     tables = {"vessel": {"length_m": 24.0}}
-    fusion, rng = Fusion(settings(**tables)), np.random.default_rng(4)
+    fusion, rng = Tracker(settings(**tables)), np.random.default_rng(4)
     for t in range(40):
         tow = sail(t) + np.array([15.0, 0.0])
         fusion.take(radar(np.array([sail(t), tow]) + rng.normal(0, 0.4, (2, 2)), t))
@@ -238,7 +247,7 @@ def test_the_state_errors_are_as_large_as_stated():
     """Position and velocity NEES of simulated targets: the mean of independent runs is near 4."""
     rng, nees, dt = np.random.default_rng(7), [], 0.5
     for _ in range(40):
-        fusion, truth = Fusion(settings(rest_psd=0.3)), np.array([90.0, 40.0, -2.0, 0.5])
+        fusion, truth = Tracker(settings(rest_psd=0.3)), np.array([90.0, 40.0, -2.0, 0.5])
         Q = 0.3 * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
         for k in range(40):
             kick = np.linalg.cholesky(Q) @ rng.standard_normal((2, 2))
