@@ -231,6 +231,7 @@ def innovations(
     H: NDArray[np.float64],
     R: NDArray[np.float64],
     gate: NDArray[np.float64],
+    most: float,
 ) -> NDArray[np.float64]: ...
 
 class Law:
@@ -286,3 +287,15 @@ class Foresight:
         radius: NDArray[np.float64],
         horizon: NDArray[np.float64],
     ) -> tuple[float, float, float, int, bool]: ...
+
+def pair_fits(
+    x: NDArray[np.float64],
+    P: NDArray[np.float64],
+    z: NDArray[np.float64],
+    H: NDArray[np.float64],
+    R: NDArray[np.float64],
+    R_rad2: NDArray[np.float64],
+    origin: Sequence[float],
+    gate: float,
+) -> NDArray[np.float64]: ...
+def association_marginals(weights: NDArray[np.float64]) -> NDArray[np.float64]: ...

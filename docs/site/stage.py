@@ -1,8 +1,8 @@
 """Lay out the pages of the documentation site: python docs/site/stage.py [FOLDER].
 
-Pages are docs/*.md, the README (the first page), CONTRIBUTING and CHANGELOG, a page for every
-file or folder outside of docs/ that they link to, and a reference: the commands, and the packages
-by their docstrings. A link to what does not exist ends it with status 1.
+Pages are docs/*.md, docs/results/*.md, the README (the first page), CONTRIBUTING and CHANGELOG, a
+page for every file or folder outside of docs/ that they link to, and a reference: the commands, and
+the packages by their docstrings. A link to what does not exist ends it with status 1.
 """
 
 from __future__ import annotations
@@ -124,6 +124,7 @@ def stage(folder: Path) -> list[str]:
         *(ROOT / name for name in PLACES),
         *pages_in(DOCS),
         *pages_in(DOCS / "decisions"),
+        *pages_in(DOCS / "results"),
     ):
         site.add(source)
     site.show()

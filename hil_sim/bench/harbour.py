@@ -14,9 +14,8 @@ import numpy as np
 from twinscrew.hil_sim.bench.harbour_scenes import OWN, Body, Sight, passage, sights
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.perception.sensor import load_sensor
-from twinscrew.runtime.tracking.measurement import Stand
+from twinscrew.runtime.tracking.lidar import SensorView, Viewpoint
 from twinscrew.runtime.tracking.tracker import Tracker
-from twinscrew.runtime.tracking.view import View
 
 PASSAGES = 12
 SENSOR = "vrx32"
@@ -64,7 +63,7 @@ def run() -> dict[str, Any]:
     for seed in range(PASSAGES):
         rng = np.random.default_rng(seed)
         bodies = passage(rng)
-        told, untold = Tracker(view=View.of(sensor)), Tracker(view=View.of(sensor))
+        told, untold = Tracker(view=SensorView.of(sensor)), Tracker(view=SensorView.of(sensor))
         for sight in sights(sensor, bodies, rng):
             _score(told, sight, bodies, with_outline)
             plain = replace(sight, objects=replace(sight.objects, outline=None))
@@ -75,7 +74,7 @@ def run() -> dict[str, Any]:
 def _score(tracker: Tracker, sight: Sight, bodies: list[Body], score: HarbourScore) -> None:
     """Give a scan to a tracker, and what it reports of what is seen in it to the score."""
     tracks = tracker.step(sight.objects, sight.odometry)
-    objects_N, seen = Stand.of(sight.odometry).in_N(sight.objects.p_L), tracks.age_s == 0.0
+    objects_N, seen = Viewpoint.of(sight.odometry).in_N(sight.objects.p_L), tracks.age_s == 0.0
     for p_N, v_N in zip(tracks.p_N[seen], tracks.v_N[seen], strict=True):
         body = sight.body[int(np.hypot(*(objects_N - p_N).T).argmin())]
         if body > OWN:

@@ -16,8 +16,8 @@ from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Float64, Odometry
 from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.tracking.lidar import SensorView
 from twinscrew.runtime.tracking.tracker import Tracker
-from twinscrew.runtime.tracking.view import View
 
 EPISODE, SCANS = 101, 116
 """[-] Which episode of the tracking bench is drawn, and after how many scans."""
@@ -36,7 +36,7 @@ def draw_all(folder: Path) -> None:
 def draw_open(file: Path, scans: int = SCANS) -> None:
     """Draw what one of five vessels under way sees, tracks, and should see."""
     perception = Perception(load_sensor(SENSOR))
-    tracker = Tracker(view=View.of(perception.sensor))
+    tracker = Tracker(view=SensorView.of(perception.sensor))
     for look in islice(looks(EPISODE, perception=perception), scans):
         tracks, last = tracker.step(look.objects, look.odometry), look
     tracked = _seen_from(last.odometry, tracks.p_N, tracks.v_N, tracks.radius)

@@ -31,8 +31,8 @@ from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.load import Policy, load_policy
 from twinscrew.runtime.policy.observation import observe
+from twinscrew.runtime.tracking.lidar import SensorView
 from twinscrew.runtime.tracking.tracker import Tracker
-from twinscrew.runtime.tracking.view import View
 
 EPISODES, VESSELS, BUOYS = 12, 5, 4
 SENSOR = "vrx32"
@@ -82,7 +82,7 @@ def _score_episode(
     seed: int, kalman: VelocityScore, quotient: VelocityScore, times: list[float]
 ) -> dict[int, set[int]]:
     """Score one episode; give the identities that each thing had while in sight."""
-    tracker, two_scans = Tracker(view=View.of(load_sensor(SENSOR))), DifferenceQuotient()
+    tracker, two_scans = Tracker(view=SensorView.of(load_sensor(SENSOR))), DifferenceQuotient()
     born: dict[int, int] = {}
     identities: dict[int, set[int]] = {}
     for look in looks(seed):

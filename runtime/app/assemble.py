@@ -20,8 +20,8 @@ from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.policy.metadata import PolicyExpectation
 from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.guard import Guard
+from twinscrew.runtime.tracking.lidar import SensorView
 from twinscrew.runtime.tracking.tracker import Tracker
-from twinscrew.runtime.tracking.view import View
 from twinscrew.runtime.vessel_description import load_vessel
 
 
@@ -36,7 +36,7 @@ def make_core(config: RuntimeConfig) -> Core:
     sensor = sensor_of(config)
     pipeline = Pipeline(
         perception=Perception(sensor, config.perception),
-        tracker=Tracker(config.tracking, View.of(sensor)),
+        tracker=Tracker(config.tracking, SensorView.of(sensor)),
         policy=load_policy(
             config.policy, expected_of_policies(config), config.risk, load_vessel(config.vessel)
         ),

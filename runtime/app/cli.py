@@ -44,6 +44,7 @@ SUMMARIES = {
     "report": "Turn an experiment's results into tables and figures.",
     "replay": "Feed a recording to the core again and print the decisions' SHA-256.",
     "perceive": "Segment one point cloud file and print its objects.",
+    "track": "Track recorded detections of several sensors, and score the tracks.",
     "bench": "Measure speed, latency and perception, and print the figures.",
     "manifest": "Write, sign and check the list of files that a boat's runtime may read.",
     "doctor": "Check this machine and this installation, line by line.",

@@ -26,6 +26,7 @@ from twinscrew.runtime.estimation.inertial import (
 from twinscrew.runtime.estimation.sensors import ImuSample, SensorPlacement, SensorSettings
 from twinscrew.runtime.estimation.wgs84 import LocalFrame, Place
 from twinscrew.runtime.geometry import quaternion_from_euler
+from twinscrew.runtime.lean_imports import extended_kalman_filter
 from twinscrew.runtime.link.datum import Datum
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
@@ -38,7 +39,6 @@ from twinscrew.runtime.messages.types import (
 )
 from twinscrew.runtime.safety.events import EventKind
 from twinscrew.runtime.settings import Positive, Settings
-from twinscrew.runtime.tracking.light import extended_kalman_filter
 
 REMIND_NS: Final = NANOSECONDS_PER_SECOND
 """[ns] How often an event of something that lasts is repeated."""

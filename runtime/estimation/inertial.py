@@ -21,9 +21,9 @@ from twinscrew.runtime.geometry import (
     quaternion_product,
     wrap,
 )
+from twinscrew.runtime.lean_imports import extended_kalman_filter
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import Positive, Settings
-from twinscrew.runtime.tracking.light import extended_kalman_filter
 
 STATES = 15
 POSITION, VELOCITY, ATTITUDE = slice(0, 3), slice(3, 6), slice(6, 9)

@@ -88,9 +88,10 @@ nb::tuple ask_free_water(const FreeWater& water, In<-1, 2> places, In<-1> tops, 
   return nb::make_tuple(answers, whose);
 }
 
-// (3, K, M): squared distances without and with the gate's allowance, log |S| with it.
+// (3, K, M): squared distances without and with the gate's allowance, log |S| with it; infinite
+// where a distance is certainly greater than `most`.
 Given<double> innovations(In<-1, 6> x, In<-1, 6, 6> P, In<-1, 2> z, In<-1, 2, 6> H, In<-1, 2, 2> R,
-                          In<-1> gate) {
+                          In<-1> gate, double most) {
   const std::size_t tracks = x.shape(0), seen = z.shape(0);
   require(P.shape(0) == tracks && H.shape(0) == seen && R.shape(0) == seen && gate.size() == seen,
           "innovations: x, P of each track, z, H, R, gate of each object");
@@ -100,7 +101,7 @@ Given<double> innovations(In<-1, 6> x, In<-1, 6, 6> P, In<-1, 2> z, In<-1, 2, 6>
   return make_array<double>({3, tracks, seen}, [&](double* out) {
     for (std::size_t k = 0; k < tracks; ++k) {
       for (std::size_t m = 0; m < seen; ++m, ++out) {
-        const Innovation found = innovation(predicted, measured, k, m);
+        const Innovation found = innovation(predicted, measured, k, m, most * most);
         out[0] = found.strict2;
         out[tracks * seen] = found.distance2;
         out[2 * tracks * seen] = found.log_det;
@@ -215,7 +216,7 @@ void bind_tracking(nb::module_& m) {
         "Invert symmetric positive definite matrices, (K, n, n), n at most 8.");
   m.def("crowded", &any_crowded, "places"_a, "centres"_a, "radii"_a,
         "Whether two of the places lie within one of the circles.");
-  m.def("innovations", &innovations, "x"_a, "P"_a, "z"_a, "H"_a, "R"_a, "gate"_a,
+  m.def("innovations", &innovations, "x"_a, "P"_a, "z"_a, "H"_a, "R"_a, "gate"_a, "most"_a,
         "How far each measurement is from what each track expects.");
 }
 

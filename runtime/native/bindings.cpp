@@ -28,6 +28,7 @@ void gather_records(Bytes data, std::array<std::size_t, 3> offsets,
 void bind_kernel(nb::module_& m);     // bind_kernel.cpp
 void bind_tracking(nb::module_& m);   // bind_tracking.cpp
 void bind_assurance(nb::module_& m);  // bind_assurance.cpp
+void bind_joint(nb::module_& m);      // bind_joint.cpp
 
 }  // namespace twinscrew
 
@@ -42,4 +43,5 @@ NB_MODULE(_native, m) {
   twinscrew::bind_kernel(m);
   twinscrew::bind_tracking(m);
   twinscrew::bind_assurance(m);
+  twinscrew::bind_joint(m);
 }

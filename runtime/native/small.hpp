@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <span>
 
 namespace twinscrew {
@@ -69,18 +70,27 @@ struct Innovation {
   double strict2, distance2, log_det;  // [-] without the gate's allowance; with it
 };
 
-// Of track k and measurement m.
+// Of track k and measurement m; infinitely far where it is far beyond the gate, squared.
 inline Innovation innovation(const Predicted& tracks, const Measured& measured, std::size_t k,
-                             std::size_t m) {
+                             std::size_t m, double gate2) {
   constexpr std::size_t N = 6;
   const double *x = &tracks.x[N * k], *P = &tracks.P[N * N * k], *H = &measured.H[2 * N * m];
   const double *z = &measured.z[2 * m], *R = &measured.R[4 * m];
   std::array<double, 2> y{z[0], z[1]};
   std::array<double, 4> S{R[0], R[1], R[2], R[3]};
   for (std::size_t a = 0; a < 2; ++a) {
+    for (std::size_t i = 0; i < N; ++i) y[a] -= H[N * a + i] * x[i];
+  }
+  // S <= (tr R + |H|^2 tr P + gate) I, and |H|^2 <= 2 for a place and a rotated bias.
+  double most = R[0] + R[3] + measured.gate[m];
+  for (std::size_t i = 0; i < N; ++i) most += 4.0 * P[N * i + i];
+  if (y[0] * y[0] + y[1] * y[1] > gate2 * most) {
+    constexpr double far = std::numeric_limits<double>::infinity();
+    return {far, far, 0.0};
+  }
+  for (std::size_t a = 0; a < 2; ++a) {
     std::array<double, N> HP{};
     for (std::size_t i = 0; i < N; ++i) {
-      y[a] -= H[N * a + i] * x[i];
       for (std::size_t j = 0; j < N; ++j) HP[j] += H[N * a + i] * P[N * i + j];
     }
     for (std::size_t b = 0; b < 2; ++b) {

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from twinscrew.runtime._native import innovations
+from twinscrew.runtime.lean_imports import linear_sum_assignment
 from twinscrew.runtime.messages.types import Float64
-from twinscrew.runtime.tracking.light import linear_sum_assignment
-from twinscrew.runtime.tracking.measurement import Measurements
+from twinscrew.runtime.tracking.lidar import Measurements
 
 _assign = linear_sum_assignment()
 
@@ -47,7 +47,7 @@ def associate(x: Float64, P: Float64, measured: Measurements, gate_sigma: float)
     if not tracks or not measurements:
         return Association([], list(range(tracks)), list(range(measurements)))
     strict2, distance2, log_det = innovations(
-        x, P, measured.z_N, measured.H, measured.R, measured.gate
+        x, P, measured.z_N, measured.H, measured.R, measured.gate, gate_sigma
     )
     allowed = distance2 <= gate_sigma**2
     # Minus twice the log-likelihood: without log |S| a vague track would steal from a sure one.

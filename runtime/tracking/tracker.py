@@ -1,16 +1,21 @@
-"""The tracker: objects of each scan in, tracks with velocities out.
+"""The tracker: what any source detects in, tracks with identity, velocity and covariance out.
 
 One constant-velocity Kalman filter a track in frame N, so that the ego vessel's motion is removed
-by odometry; measurements assigned by Mahalanobis distance; birth after m of n scans, coasting,
-death. No clock and no randomness: time comes with the objects' stamps.
+by odometry. The boat's LiDAR comes in by `step`: its objects are segmented, so each belongs to one
+track at most (optimal assignment), and its segments measure velocities. Any other source comes in
+by `take`: its detections are shared among tracks by their probabilities. What comes late is put in
+order: the tracker goes back, takes it in, and takes in again what came after. No clock and no
+randomness: time comes with the stamps.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated
+from dataclasses import dataclass
+from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 from msgspec import Meta
 
@@ -21,46 +26,79 @@ from twinscrew.runtime.messages.types import (
     Odometry,
     Tracks,
 )
-from twinscrew.runtime.settings import Positive, Settings
+from twinscrew.runtime.settings import NonNegative, Positive, Settings
 from twinscrew.runtime.tracking.association import Association, associate
-from twinscrew.runtime.tracking.bank import FilterBank
-from twinscrew.runtime.tracking.correction import corrected
-from twinscrew.runtime.tracking.displacement import (
-    Displacement,
-    DisplacementSettings,
-    MeasuredVelocity,
-    Sight,
+from twinscrew.runtime.tracking.detections import Look, SourceSettings, no_detections
+from twinscrew.runtime.tracking.joint import (
+    VesselSettings,
+    chances,
+    find_parts,
+    may_be_reported,
+    missed,
+    take_look,
+    without_doubles,
 )
-from twinscrew.runtime.tracking.fragments import join_fragments
-from twinscrew.runtime.tracking.life import LifeSettings, is_absorbed, is_born, lives
-from twinscrew.runtime.tracking.measurement import (
-    Centroids,
-    Measurements,
-    MeasurementSettings,
-    Stand,
-)
-from twinscrew.runtime.tracking.motion import (
+from twinscrew.runtime.tracking.kalman import (
     STATES,
+    FilterBank,
+    acceleration_psd,
     bias_noise,
+    first_covariance,
     motion_noise,
     slide_noise,
     transition,
 )
-from twinscrew.runtime.tracking.radius import RadiusSettings, smoothed_radius
-from twinscrew.runtime.tracking.standing import Standing, StandingSettings
-from twinscrew.runtime.tracking.track import Track
-from twinscrew.runtime.tracking.view import View
+from twinscrew.runtime.tracking.lidar import (
+    Centroids,
+    LidarExtras,
+    Measurements,
+    MeasurementSettings,
+    RadiusSettings,
+    SensorView,
+    Viewpoint,
+    join_fragments,
+    smoothed_radius,
+)
+from twinscrew.runtime.tracking.lidar_motion import (
+    HullVelocity,
+    HullVelocitySettings,
+    LongObjects,
+    LongObjectSettings,
+    MeasuredVelocity,
+    corrected,
+)
+from twinscrew.runtime.tracking.track import (
+    Clutter,
+    ExistenceSettings,
+    LifeSettings,
+    Track,
+    has_moved,
+    is_absorbed,
+    is_born,
+    lives,
+    sigma_m,
+    visibility,
+)
+
+LIDAR = "lidar"
+"""Name of the source whose scans come in by `Tracker.step`."""
+SEGMENTED = SourceSettings(
+    range_m=(0.0, 17.0, 20.0), detection=(0.97, 0.97, 0.0), max_range_m=20.0, visible=0.99
+)
+"""The boat's LiDAR, for the existence of tracks that other sources see too (perception: 20 m)."""
+KEPT_IDENTITIES = 4096
+"""Identities remembered for tracks that may be started again."""
 
 
 class TrackerSettings(Settings, frozen=True, kw_only=True):
-    """How measurements become tracks."""
+    """How detections become tracks."""
 
     measurement: MeasurementSettings = MeasurementSettings()
     """How the visible centroid relates to the centre."""
-    displacement: DisplacementSettings = DisplacementSettings()
+    displacement: HullVelocitySettings = HullVelocitySettings()
     """How velocities are measured from scan to scan."""
-    standing: StandingSettings = StandingSettings()
-    """When long objects are taken to stand."""
+    standing: LongObjectSettings = LongObjectSettings()
+    """When long objects are taken to lie at rest."""
     radius: RadiusSettings = RadiusSettings()
     """How the radius is smoothed."""
     acceleration_psd: Positive = 1.0
@@ -74,21 +112,52 @@ class TrackerSettings(Settings, frozen=True, kw_only=True):
     gate_sigma: Positive = 3.5
     """[-] A measurement farther than this from every track's prediction starts a new one."""
     life: LifeSettings = LifeSettings()
-    """When a track is born and dropped."""
+    """When a track that the LiDAR sees is born and dropped."""
     max_gap_s: Annotated[float, Meta(gt=0.0)] = 5.0
     """[s] After a longer gap between scans everything is forgotten."""
+    sources: dict[str, SourceSettings] = msgspec.field(default_factory=dict)
+    """Sources beside the boat's LiDAR, by name."""
+    existence: ExistenceSettings = ExistenceSettings()
+    """When tracks that these sources see are reported and dropped."""
+    vessel: VesselSettings = VesselSettings()
+    """Which tracks are parts of one vessel."""
+    buffer_s: NonNegative = 0.5
+    """[s] What comes up to so late is put in order."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scan:
+    """The objects of a LiDAR scan, and from where it was taken."""
+
+    objects: Objects
+    viewpoint: Viewpoint
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """One look or scan, and what was known before it."""
+
+    stamp_ns: int
+    number: int
+    what: Look | Scan
+    tracks: list[tuple[Any, ...]]
+    last_ns: int | None
+    clutter: dict[str, Clutter]
+    outlines: tuple[Any, ...]
 
 
 class Tracker:
     """Follows every object around the vessel."""
 
-    def __init__(self, settings: TrackerSettings | None = None, view: View | None = None) -> None:
-        """Begin with nothing known; `view` is how the sensor looks at what is around."""
+    def __init__(
+        self, settings: TrackerSettings | None = None, view: SensorView | None = None
+    ) -> None:
+        """Begin with nothing known; `view` is how the LiDAR looks at what is around."""
         self.settings = settings or TrackerSettings()
-        self._displacement = Displacement(self.settings.displacement)
+        self._hull_velocity = HullVelocity(self.settings.displacement)
         self._bank = FilterBank()
-        self._centroids = Centroids(self.settings.measurement, view or View())
-        self._standing = Standing(self.settings.standing)
+        self._centroids = Centroids(self.settings.measurement, view or SensorView())
+        self._long = LongObjects(self.settings.standing)
         variance = self.settings.standing.sigma_mps**2
         self._still = MeasuredVelocity(np.zeros(2), variance * np.eye(2))
         self._next_id = 0
@@ -97,14 +166,20 @@ class Tracker:
     def reset(self) -> None:
         """Forget everything but the identities already given: none is ever used twice."""
         self._tracks: list[Track] = []
-        self._standing.reset()
-        self._stamp_ns: int | None = None
+        self._clutter = {name: Clutter(s) for name, s in self.settings.sources.items()}
+        self._long.reset()
+        self._history: list[_Step] = []
+        self._identities: dict[tuple[int, int], int] = {}
+        self._last_ns: int | None = None
+        self._scan_ns: int | None = None
+        self._used_ns: dict[str, int] = {}
+        self._number = 0
         self._reported: Tracks | None = None
         self.note = ""
         """Why tracks were forgotten in the last step, in plain words; empty if they were not."""
 
     def step(self, objects: Objects, odometry: Odometry) -> Tracks:
-        """Take in one scan.
+        """Take in one scan of the LiDAR.
 
         Parameters
         ----------
@@ -116,136 +191,333 @@ class Tracker:
         Returns
         -------
         Tracks
-            Every confirmed track, oldest first. A scan with the stamp of the last one changes
-            nothing; one before it, or long after it, starts afresh and says so in `note`.
+            Every confirmed track, oldest first, at the scan's stamp, or at that of the latest look
+            if this is later. A scan with the stamp of the last one changes nothing; one that comes
+            later than the buffer allows, or long after the last, starts afresh and says so in
+            `note`.
         """
-        dt = self._elapsed(objects.stamp_ns)
-        if dt == 0.0 and self._reported is not None:
+        stamp_ns = objects.stamp_ns
+        if stamp_ns == self._scan_ns and self._reported is not None:
+            self.note = ""
             return self._reported
-        own = Stand.of(odometry)
-        x, P = self._predicted(dt, own)
-        whole, stands = self._joined(objects, self._standing.pieces(objects, own), x, own)
-        self._update(x, P, self._centroids.measure(whole, own, stands), own)
-        self._drop()
-        self._reported = self._report(objects.stamp_ns)
+        self._start_afresh_after_a_jump(stamp_ns)
+        self._insert(stamp_ns, Scan(objects, Viewpoint.of(odometry)))
+        self._scan_ns = stamp_ns
+        self._reported = self._report(max(stamp_ns, self._last_ns or stamp_ns))
         return self._reported
 
-    def _elapsed(self, stamp_ns: int) -> float:
-        """Give the time [s] since the last scan; forget everything if it jumped."""
-        last = stamp_ns if self._stamp_ns is None else self._stamp_ns
-        dt = (stamp_ns - last) / NANOSECONDS_PER_SECOND
-        jumped = not 0.0 <= dt <= self.settings.max_gap_s
+    def take(self, look: Look) -> bool:
+        """Take in a look of another source.
+
+        Returns
+        -------
+        bool
+            False if it was left out: it came too late, or tells nothing new.
+        """
+        source = self.settings.sources[look.source]
+        stamp_ns = look.stamp_ns - round(source.delay_s * NANOSECONDS_PER_SECOND)
+        used_ns = self._used_ns.get(look.source)
+        if used_ns is not None and abs(stamp_ns - used_ns) < source.correlation_s * 1e9:
+            return False
+        if self._last_ns is not None and stamp_ns < self._last_ns - self.settings.buffer_s * 1e9:
+            return False
+        self._used_ns[look.source] = stamp_ns
+        self._insert(stamp_ns, look)
+        return True
+
+    def tracks_at(self, stamp_ns: int, own_N: Float64) -> list[Track]:
+        """Give what is reported, by identity, as it is at a time, seen from a place (2,) [m]."""
+        existence = self.settings.existence
+        reported = [
+            Track.restored(track.saved())
+            for track in self._tracks
+            if track.confirmed and track.part_of is None and track.existence >= existence.report
+        ]
+        if not reported or self._last_ns is None:
+            return []
+        dt = max((stamp_ns - self._last_ns) / NANOSECONDS_PER_SECOND, 0.0)
+        x, P = self._moved(reported, dt, own_N)
+        for k, track in enumerate(reported):
+            track.x, track.P = x[k], P[k]
+        near = [
+            track
+            for track in reported
+            if sigma_m(track.P) <= existence.known_m
+            and math.hypot(*(track.x[:2] - own_N)) <= existence.report_range_m
+        ]
+        return sorted(near, key=lambda track: track.id)
+
+    def _start_afresh_after_a_jump(self, stamp_ns: int) -> None:
+        last_ns = stamp_ns if self._last_ns is None else self._last_ns
+        dt = (stamp_ns - last_ns) / NANOSECONDS_PER_SECOND
+        jumped = not -self.settings.buffer_s <= dt <= self.settings.max_gap_s
         if jumped:
             self.reset()
         self.note = f"time went on by {dt:.3f} s: tracks forgotten" if jumped else ""
-        self._stamp_ns = stamp_ns
-        return 0.0 if jumped else dt
 
-    def _predicted(self, dt: float, own: Stand) -> tuple[Float64, Float64]:
+    def _insert(self, stamp_ns: int, what: Look | Scan) -> None:
+        """Take in a look or scan at its place in time, and again what came after it."""
+        count = len(self._history)
+        while count and self._history[count - 1].stamp_ns > stamp_ns:
+            count -= 1
+        later = self._history[count:]
+        if later:
+            before = later[0]
+            self._tracks = [Track.restored(saved) for saved in before.tracks]
+            self._last_ns, self._clutter = before.last_ns, before.clutter
+            self._long.restore(before.outlines)
+            self._history = self._history[:count]
+        self._number += 1
+        self._apply(stamp_ns, self._number, what)
+        for step in later:
+            self._apply(step.stamp_ns, step.number, step.what)
+
+    def _apply(self, stamp_ns: int, number: int, what: Look | Scan) -> None:
+        self._save(stamp_ns, number, what)
+        dt = 0.0 if self._last_ns is None else (stamp_ns - self._last_ns) / NANOSECONDS_PER_SECOND
+        dt = max(dt, 0.0)
+        self._last_ns = stamp_ns
+        if isinstance(what, Scan):
+            self._take_scan(what, dt, number)
+        else:
+            self._take_look(what, dt, number, stamp_ns)
+
+    def _save(self, stamp_ns: int, number: int, what: Look | Scan) -> None:
+        """Remember what is known, for as long as something may come late."""
+        oldest_ns = stamp_ns - round(self.settings.buffer_s * NANOSECONDS_PER_SECOND)
+        while self._history and self._history[0].stamp_ns < oldest_ns:
+            del self._history[0]
+        if self.settings.buffer_s:
+            tracks = [track.saved() for track in self._tracks]
+            clutter = {name: density.copy() for name, density in self._clutter.items()}
+            outlines = self._long.saved()
+            self._history.append(
+                _Step(stamp_ns, number, what, tracks, self._last_ns, clutter, outlines)
+            )
+
+    def _take_look(self, look: Look, dt: float, number: int, stamp_ns: int) -> None:
+        settings = self.settings
+        self._predict(dt, look.origin_N)
+        take_look(
+            self._tracks,
+            look,
+            settings.sources[look.source],
+            settings.existence,
+            self._clutter[look.source],
+            self._bank,
+            number=number,
+            stamp_ns=stamp_ns,
+            gate_sigma=settings.gate_sigma,
+            first_speed_mps=settings.first_speed_mps,
+        )
+        self._confirm_existing(stamp_ns)
+        seen_by_lidar = [track for track in self._tracks if track.scans]
+        others = [track for track in self._tracks if not track.scans]
+        self._tracks = seen_by_lidar + without_doubles(others, settings.existence, seen_by_lidar)
+        if settings.vessel.length_m:
+            find_parts(self._tracks, settings.vessel, settings.sources, stamp_ns)
+
+    def _confirm_existing(self, stamp_ns: int) -> None:
+        existence = self.settings.existence
+        for track in self._tracks:
+            track.moved = has_moved(track, existence)
+            if may_be_reported(track, self.settings.sources, stamp_ns, existence.confirm):
+                self._name(track)
+
+    def _take_scan(self, scan: Scan, dt: float, number: int) -> None:
+        objects, own = scan.objects, scan.viewpoint
+        x, P = self._predict(dt, own.p_N)
+        for track in self._tracks:
+            if track.scans:
+                track.scans += 1
+        whole, at_rest = self._joined(objects, self._long.at_rest(objects, own), x, own)
+        self._update(x, P, self._centroids.measure(whole, own, at_rest), own, number)
+        self._drop()
+
+    def _predict(self, dt: float, own_N: Float64) -> tuple[Float64, Float64]:
         """Move every track on; give all states and covariances, (K, 6) and (K, 6, 6)."""
-        x, P = _states(self._tracks)
         if not self._tracks:
-            return x, P
-        time_s = self.settings.measurement.bias_time_s
-        radius = _floats([track.radius for track in self._tracks])
-        Q = self._acceleration_psd(x)[:, None, None] * motion_noise(dt, 1.0)
-        Q += bias_noise(dt, time_s, self._centroids.bias_variance(x, radius, own))
-        slides = self.settings.standing.slide_mps * _floats([t.stands for t in self._tracks])
-        Q += slide_noise(dt, slides)
-        x, P = self._bank.predict(x, P, transition(dt, time_s), Q)
+            return _states(self._tracks)
+        x, P = self._moved(self._tracks, dt, own_N)
         for k, track in enumerate(self._tracks):
-            track.moved_on(dt, x[k], P[k])
+            track.predicted(dt, x[k], P[k])
+        if self.settings.sources and dt > 0.0:
+            survives = math.exp(-dt / self.settings.existence.lifetime_s)
+            for track in self._tracks:
+                track.existence *= survives
+                track.visible = {
+                    name: visibility(known, self._source(name), dt)
+                    for name, known in track.visible.items()
+                }
         return x, P
 
-    def _acceleration_psd(self, x: Float64) -> Float64:
-        """Give the density of each track's acceleration [m2/s3]: it rises with its speed."""
-        settings = self.settings
-        speed2 = x[:, 2] ** 2 + x[:, 3] ** 2
-        share = speed2 / (speed2 + settings.under_way_mps**2)
-        psd: Float64 = settings.rest_psd + share * (settings.acceleration_psd - settings.rest_psd)
-        return psd
+    def _moved(self, tracks: Sequence[Track], dt: float, own_N: Float64) -> tuple[Float64, Float64]:
+        """Give states and covariances of tracks `dt` [s] later, seen from a place (2,) [m]."""
+        settings, time_s = self.settings, self.settings.measurement.bias_time_s
+        x, P = _states(tracks)
+        psd = acceleration_psd(
+            x,
+            rest=settings.rest_psd,
+            under_way=settings.acceleration_psd,
+            speed_mps=settings.under_way_mps,
+        )
+        Q = psd[:, None, None] * motion_noise(dt, 1.0)
+        Q += bias_noise(dt, time_s, self._bias_variance(tracks, x, own_N))
+        slides = settings.standing.slide_mps * _floats([track.at_rest for track in tracks])
+        Q += slide_noise(dt, slides)
+        return self._bank.predict(x, P, transition(dt, time_s), Q)
+
+    def _bias_variance(self, tracks: Sequence[Track], x: Float64, own_N: Float64) -> Float64:
+        """Give how far what is detected of each track may be off its centre, (K, 2) [m2]."""
+        if not any(track.scans for track in tracks):
+            return np.array([track.shape_m2 for track in tracks])
+        variance = self._centroids.bias_variance(x, _floats([t.radius for t in tracks]), own_N)
+        for k, track in enumerate(tracks):
+            if not track.scans:
+                variance[k] = track.shape_m2
+        return variance
+
+    def _source(self, name: str) -> SourceSettings:
+        return self.settings.sources.get(name, SEGMENTED)
 
     def _joined(
-        self, objects: Objects, stands: Sequence[bool | None], x: Float64, own: Stand
+        self, objects: Objects, at_rest: Sequence[bool | None], x: Float64, own: Viewpoint
     ) -> tuple[Objects, Sequence[bool | None]]:
         """Put together what lies within the circle of one known track."""
-        known = [k for k, t in enumerate(self._tracks) if t.confirmed and not t.stands]
+        known = [k for k, t in enumerate(self._tracks) if t.confirmed and t.scans and not t.at_rest]
         if not known or len(objects.p_L) < 2:
-            return objects, stands
+            return objects, at_rest
         p_L = own.in_L(x[known, :2])
         radius = _floats([self._tracks[k].radius for k in known])
-        return join_fragments(objects, stands, p_L, self.settings.life.join_share * radius)
+        return join_fragments(objects, at_rest, p_L, self.settings.life.join_share * radius)
 
-    def _update(self, x: Float64, P: Float64, measured: Measurements, own: Stand) -> None:
+    def _update(
+        self, x: Float64, P: Float64, measured: Measurements, own: Viewpoint, number: int
+    ) -> None:
         found = associate(x, P, measured, self.settings.gate_sigma)
+        if self.settings.sources and own.is_known:
+            self._judge_existence(found, own)
         if found.pairs:
-            self._correct(x, P, measured, found)
+            self._correct(x, P, measured, found, own)
         if found.new:
             z_N, radius = measured.z_N[found.new], measured.radius[found.new]
             for j, bias in zip(
-                found.new, self._centroids.bias_variance(z_N, radius, own), strict=True
+                found.new, self._centroids.bias_variance(z_N, radius, own.p_N), strict=True
             ):
-                self._tracks.append(self._born(measured, j, bias))
+                self._tracks.append(self._born(measured, j, bias, (number, j)))
 
-    def _correct(self, x: Float64, P: Float64, measured: Measurements, found: Association) -> None:
+    def _judge_existence(self, found: Association, own: Viewpoint) -> None:
+        """Let tracks that the LiDAR should have seen, and has not, exist less surely."""
+        source = self._source(LIDAR)
+        look = no_detections(LIDAR, own.p_N, own.heading)
+        chance = chances(self._tracks, look, source, self.settings.existence)
+        seen = {i for i, _, _ in found.pairs}
+        for k, track in enumerate(self._tracks):
+            missed(track, LIDAR, source, float(chance[k]), float(k in seen))
+
+    def _correct(
+        self, x: Float64, P: Float64, measured: Measurements, found: Association, own: Viewpoint
+    ) -> None:
         """Let each track that was seen take in what was measured of it."""
         rows = [i for i, _, _ in found.pairs]
         seen = [j for _, j, _ in found.pairs]
         tracks = [self._tracks[i] for i in rows]
-        sights = [measured.sights[j] for j in seen]
+        extras = [measured.extras[j] for j in seen]
         limit2 = self.settings.measurement.jump_sigma**2
+        radii = measured.radius[seen].tolist()
+        P = self._reopened(P[rows], tracks, extras)
+        for n, track in enumerate(tracks):
+            if not track.scans:  # another source's until now: its shape has not been of interest
+                track.scans, track.radius = 1, radii[n]
+                place, size = x[rows[n] : rows[n] + 1], measured.radius[seen[n] : seen[n] + 1]
+                P[n, 4:, 4:] = np.diag(self._centroids.bias_variance(place, size, own.p_N)[0])
+        states = x[rows]
+        velocities = [
+            self._velocity(*each) for each in zip(tracks, extras, states.tolist(), strict=True)
+        ]
         x, P = corrected(
             self._bank,
-            x[rows],
-            self._reopened(P[rows], tracks, sights),
+            states,
+            P,
             (measured.z_N[seen], measured.H[seen], measured.R[seen]),
             _floats([distance2 for _, _, distance2 in found.pairs]) / limit2 - 1.0,
-            [self._velocity(*pair) for pair in zip(tracks, sights, strict=True)],
+            velocities,
             self.settings.displacement.limit_sigma,
         )
-        radii = measured.radius[seen].tolist()
         for n, track in enumerate(tracks):
             radius = smoothed_radius(track.radius, radii[n], self.settings.radius)
-            track.seen(x[n], P[n], radius, sights[n])
+            track.seen(x[n], P[n], radius, extras[n])
             self._confirm(track)
 
-    def _reopened(self, P: Float64, tracks: list[Track], sights: list[Sight]) -> Float64:
-        """Let tracks forget their velocities if they stand, or move, otherwise than it seemed."""
-        pairs = enumerate(zip(tracks, sights, strict=True))
-        turned = [n for n, (t, s) in pairs if s.stands is not None and s.stands != t.stands]
+    def _reopened(self, P: Float64, tracks: list[Track], extras: list[LidarExtras]) -> Float64:
+        """Let tracks forget their velocities if they rest, or move, otherwise than it seemed."""
+        pairs = enumerate(zip(tracks, extras, strict=True))
+        turned = [n for n, (t, e) in pairs if e.at_rest is not None and e.at_rest != t.at_rest]
         P[turned, 2:4, 2:4] += self.settings.first_speed_mps**2 * np.eye(2)
         return P
 
-    def _velocity(self, track: Track, sight: Sight) -> MeasuredVelocity | None:
-        """Let a track's strips say how fast it went since it was last seen."""
-        if sight.stands:
+    def _velocity(
+        self, track: Track, extras: LidarExtras, x: Sequence[float]
+    ) -> MeasuredVelocity | None:
+        """Measure by its segments how fast a track went since it was last seen."""
+        if extras.at_rest:
             return self._still
-        north, east, v_north, v_east, along, across = track.x.tolist()
+        if track.extras is None or not len(extras.segments_N):
+            return None
+        north, east, v_north, v_east, along, across = x
         if math.hypot(along, across) > self.settings.displacement.astray * track.radius:
             return None
-        return self._displacement.measure(track.sight, sight, (v_north, v_east), (north, east))
+        return self._hull_velocity.measure(track.extras, extras, (v_north, v_east), (north, east))
 
-    def _born(self, measured: Measurements, j: int, bias: Float64) -> Track:
+    def _born(self, measured: Measurements, j: int, bias: Float64, key: tuple[int, int]) -> Track:
         speed = self.settings.first_speed_mps**2
         prior = np.array([0.0, 0.0, speed, speed, *bias])
-        z_N, H, R, sight = measured.z_N[j], measured.H[j], measured.R[j], measured.sights[j]
-        track = Track(z_N, H, R, float(measured.radius[j]), prior, sight)
+        z_N, R, extras = measured.z_N[j], measured.R[j], measured.extras[j]
+        track = Track(
+            np.concatenate([z_N, np.zeros(STATES - 2)]),
+            first_covariance(measured.H[j], R, prior),
+            key=key,
+            source=LIDAR,
+            stamp_ns=extras.stamp_ns,
+            first_R=R,
+            radius=float(measured.radius[j]),
+            existence=0.5,
+            extras=extras,
+        )
         self._confirm(track)
         return track
 
     def _confirm(self, track: Track) -> None:
         if is_born(track, self.settings.life):
-            track.confirmed = True
-            track.id = self._next_id
+            self._name(track)
+
+    def _name(self, track: Track) -> None:
+        """Give a track an identity: the one that it had when this was taken in before."""
+        if track.key not in self._identities:
+            if len(self._identities) >= KEPT_IDENTITIES:
+                first = self._history[0].number if self._history else self._number
+                kept = {key: id_ for key, id_ in self._identities.items() if key[0] >= first}
+                self._identities = kept
+            self._identities[track.key] = self._next_id
             self._next_id += 1
+        track.id, track.confirmed = self._identities[track.key], True
 
     def _drop(self) -> None:
         life = self.settings.life
-        alive = [track for track in self._tracks if lives(track, life)]
+        alive = [track for track in self._tracks if self._is_alive(track)]
         self._tracks = [track for track in alive if not is_absorbed(track, alive, life)]
 
+    def _is_alive(self, track: Track) -> bool:
+        if track.scans and lives(track, self.settings.life):
+            return True
+        if not self.settings.sources or track.sources <= {LIDAR} - self.settings.sources.keys():
+            return False
+        existence = self.settings.existence
+        least = existence.drop if track.confirmed else existence.drop_tentative
+        return track.existence >= least and sigma_m(track.P) <= 3.0 * existence.known_m
+
     def _report(self, stamp_ns: int) -> Tracks:
-        tracks = [track for track in self._tracks if track.confirmed]
+        tracks = [track for track in self._tracks if track.confirmed and track.part_of is None]
         x, P = _states(tracks)
         return Tracks(
             stamp_ns=stamp_ns,
@@ -258,12 +530,12 @@ class Tracker:
         )
 
 
-def _states(tracks: list[Track]) -> tuple[Float64, Float64]:
+def _states(tracks: Sequence[Track]) -> tuple[Float64, Float64]:
     """Give states and covariances, (K, 6) and (K, 6, 6)."""
     x = np.array([track.x for track in tracks]).reshape(-1, STATES)
     P = np.array([track.P for track in tracks]).reshape(-1, STATES, STATES)
     return x, P
 
 
-def _floats(values: list[float]) -> Float64:
+def _floats(values: Sequence[float]) -> Float64:
     return np.array(values, dtype=np.float64)

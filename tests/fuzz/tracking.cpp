@@ -61,7 +61,7 @@ double innovations(Input& input) {
              H = part(at, 12 * seen), R = part(at, 4 * seen), gate = part(at, seen);
   double sum = 0.0;
   for (std::size_t k = 0; k < tracks; ++k) {
-    for (std::size_t m = 0; m < seen; ++m) sum += innovation({x, P}, {z, H, R, gate}, k, m).distance2;
+    for (std::size_t m = 0; m < seen; ++m) sum += innovation({x, P}, {z, H, R, gate}, k, m, 1e9).distance2;
   }
   return sum;
 }

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twinscrew.runtime._native import invert_stack
-from twinscrew.runtime.tracking.bank import MEASURED, FilterBank, Stack
-from twinscrew.runtime.tracking.motion import STATES, transition
+from twinscrew.runtime.tracking.kalman import STATES, FilterBank, MatrixStack, transition
+from twinscrew.runtime.tracking.lidar_motion import MEASURED
 
 
 def spd(rng, count, size):
@@ -75,9 +75,14 @@ def test_what_is_no_stack_of_small_squares_is_refused(shape):
 
 def test_a_stack_is_multiplied_and_transposed_matrix_by_matrix():
     rng = np.random.default_rng(0)
-    a, b = rng.normal(size=(3, 4, 6)), rng.normal(size=(3, 5, 6))
-    product = np.dot(a.view(Stack), b.view(Stack).T)
-    assert product.shape == (3, 4, 5)
+    a, b, one = rng.normal(size=(3, 4, 6)), rng.normal(size=(3, 5, 6)), rng.normal(size=(6, 2))
+    product = np.dot(MatrixStack(a), MatrixStack(b).T)
+    assert product.values.shape == (3, 4, 5)
     for k in range(3):
-        assert product[k] == pytest.approx(a[k] @ b[k].T)
-    assert np.concatenate([a.view(Stack), b.view(Stack)], axis=1).shape == (3, 9, 6)
+        assert product.values[k] == pytest.approx(a[k] @ b[k].T)
+        assert np.dot(MatrixStack(a), one).values[k] == pytest.approx(a[k] @ one)
+
+
+def test_no_other_function_of_numpy_takes_a_stack_for_an_array():
+    with pytest.raises(TypeError, match="no implementation found"):
+        np.concatenate([MatrixStack(np.zeros((1, 2, 2)))])

@@ -12,9 +12,8 @@ from tests.reference.measurement import depth
 
 from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Objects
-from twinscrew.runtime.tracking.measurement import MeasurementSettings
+from twinscrew.runtime.tracking.lidar import MeasurementSettings, SensorView
 from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
-from twinscrew.runtime.tracking.view import View
 
 _path = Path(__file__).parents[1] / "unit" / "tracking" / "scene.py"
 _spec = importlib.util.spec_from_file_location("scene", _path)
@@ -116,7 +115,7 @@ def _error_squared(rng, tracker_settings):
         here = scene.odometry(k * scene.SCAN, *(p - [12.0, 0.0]))  # so that it stays in sight
         along = (p - here.position_N[:2]) / 12.0
         across = np.array([-along[1], along[0]])
-        expected = depth(np.array([11.5]), np.array([radius]), model, View())[0]
+        expected = depth(np.array([11.5]), np.array([radius]), model, SensorView())[0]
         centroid = p - (expected + bias[0]) * along - bias[1] * across
         centroid = centroid + white * rng.standard_normal(2)
         answer = tracker.step(scene.objects([centroid], here, radius, points), here)

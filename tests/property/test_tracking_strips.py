@@ -13,7 +13,8 @@ from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import PointCloud
 from twinscrew.runtime.perception.segmentation import Perception, PerceptionSettings
 from twinscrew.runtime.perception.sensor import Beams, Columns, Mount, Sensor
-from twinscrew.runtime.tracking.displacement import Displacement, DisplacementSettings, Sight
+from twinscrew.runtime.tracking.lidar import LidarExtras
+from twinscrew.runtime.tracking.lidar_motion import HullVelocity, HullVelocitySettings
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 OPEN = PerceptionSettings(hull=None, water=None, strip_gap_m=0.4)
@@ -80,15 +81,15 @@ def hull(rng: np.random.Generator, count: int) -> np.ndarray:
 @given(seed=st.integers(0, 10**6), count=st.integers(0, 12), fresh=st.integers(0, 5))
 @settings(max_examples=60, deadline=None)
 def test_the_shift_is_that_of_the_plain_reference(seed: int, count: int, fresh: int) -> None:
-    rng, rules = np.random.default_rng(seed), DisplacementSettings()
+    rng, rules = np.random.default_rng(seed), HullVelocitySettings()
     before, centre = hull(rng, count), np.array([1000.0, -500.0])
     after = np.concatenate([before, hull(rng, fresh)])
     turned = (after[:, :2] - centre) @ rotation_2d(rng.normal(0.0, 0.03)).T + centre
     after[:, :2] = turned + rng.uniform(-0.2, 0.2, 2) + rng.normal(0.0, 0.01, (len(after), 2))
     guess = rng.uniform(-1.0, 1.0, 2)
     expected = shift_reference.shift(before, after, 0.1 * guess, centre, 0.06, rules)
-    velocity = Displacement(rules).measure(
-        Sight(0, before), Sight(100_000_000, after), guess, centre
+    velocity = HullVelocity(rules).measure(
+        LidarExtras(0, before), LidarExtras(100_000_000, after), guess, centre
     )
     if expected is None:
         assert velocity is None

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Float64, Objects, Outline
-from twinscrew.runtime.tracking.measurement import Stand
-from twinscrew.runtime.tracking.standing import Standing, StandingSettings
+from twinscrew.runtime.tracking.lidar import Viewpoint
+from twinscrew.runtime.tracking.lidar_motion import LongObjects, LongObjectSettings
 
 NOTHING = -1
 LONGEST_M, PIECE_M = 6.5, 4.0
@@ -88,9 +88,9 @@ Place = tuple[float, float, float]
 """North, east [m], heading [rad]."""
 
 
-def stand(place: Place) -> Stand:
+def stand(place: Place) -> Viewpoint:
     """Give a place as the tracker has it."""
-    return Stand(np.array(place[:2]), rotation_2d(place[2]))
+    return Viewpoint(np.array(place[:2]), rotation_2d(place[2]))
 
 
 def look(
@@ -143,17 +143,17 @@ def watch(
     path: Callable[[float], Place],
     times_s: Iterable[float],
     eye: Eye = Eye(),
-    told: Callable[[Place], Stand] = stand,
+    told: Callable[[Place], Viewpoint] = stand,
 ) -> list[list[set[bool | None]]]:
-    """Give for each time and body what `Standing` says of its pieces; nothing if it has none.
+    """Give for each time and body what `LongObjects` says of its pieces; nothing if it has none.
 
     `told` gives the place that the odometry tells.
     """
-    standing = Standing(StandingSettings())
+    standing = LongObjects(LongObjectSettings())
     answers = []
     for t in times_s:
         objects, owner = look(bodies, t, path(t), eye)
-        verdicts = standing.pieces(objects, told(path(t)))
+        verdicts = standing.at_rest(objects, told(path(t)))
         assert objects.outline is not None
         rows = list(zip(verdicts, owner, objects.outline.cut_from, strict=True))
         assert all(verdict is None for verdict, _, number in rows if number == NOTHING)

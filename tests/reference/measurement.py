@@ -6,17 +6,17 @@ import numpy as np
 
 from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Float64, Objects, Odometry
-from twinscrew.runtime.tracking.displacement import Sight
-from twinscrew.runtime.tracking.measurement import (
-    NO_STRIPS,
+from twinscrew.runtime.tracking.lidar import (
+    NO_SEGMENTS,
+    LidarExtras,
     Measurements,
     MeasurementSettings,
+    SensorView,
 )
-from twinscrew.runtime.tracking.view import View
 
 
 def measure(
-    objects: Objects, odometry: Odometry, settings: MeasurementSettings, view: View
+    objects: Objects, odometry: Odometry, settings: MeasurementSettings, view: SensorView
 ) -> Measurements:
     """Turn the objects of a scan into measurements in frame N; what is not finite is left out.
 
@@ -51,11 +51,13 @@ def measure(
         R=R,
         radius=radius,
         gate=(settings.jump * radius) ** 2,
-        sights=[Sight(objects.stamp_ns, NO_STRIPS)] * len(radius),
+        extras=[LidarExtras(objects.stamp_ns, NO_SEGMENTS)] * len(radius),
     )
 
 
-def depth(distance: Float64, radius: Float64, settings: MeasurementSettings, view: View) -> Float64:
+def depth(
+    distance: Float64, radius: Float64, settings: MeasurementSettings, view: SensorView
+) -> Float64:
     """Give how far centres are expected behind visible centroids, (K,) [m].
 
     Parameters
@@ -73,7 +75,7 @@ def depth(distance: Float64, radius: Float64, settings: MeasurementSettings, vie
     return expected
 
 
-def _distances(settings: MeasurementSettings, view: View) -> list[float]:
+def _distances(settings: MeasurementSettings, view: SensorView) -> list[float]:
     """Give the distances of the table for a sensor; they never fall."""
     scaled = [r * view.near_scale if r <= settings.near_m else r for r in settings.range_m]
     return [min(scaled[k:]) for k in range(len(scaled))]
@@ -86,7 +88,7 @@ def hull_share(radius: Float64, settings: MeasurementSettings) -> Float64:
 
 
 def bias_variance(
-    distance: Float64, radius: Float64, settings: MeasurementSettings, view: View
+    distance: Float64, radius: Float64, settings: MeasurementSettings, view: SensorView
 ) -> Float64:
     """Give how far centroids are off what is expected of them, along and across, (K, 2) [m2].
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from twinscrew.runtime.messages.types import Float64
-from twinscrew.runtime.tracking.displacement import DisplacementSettings
+from twinscrew.runtime.tracking.lidar_motion import HullVelocitySettings
 
 
 def shift(
@@ -12,7 +12,7 @@ def shift(
     guess: Float64,
     centre: Float64,
     turn: float,
-    settings: DisplacementSettings,
+    settings: HullVelocitySettings,
 ) -> tuple[Float64, Float64] | None:
     """Give displacement (2,) and covariance (2, 2); None if too few strips are found again."""
     motion, search = np.array([*guess, 0.0]), settings.search_m

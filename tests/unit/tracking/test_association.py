@@ -8,8 +8,7 @@ from tests.reference.measurement import observation_matrix
 
 from twinscrew.runtime._native import innovations
 from twinscrew.runtime.tracking.association import associate
-from twinscrew.runtime.tracking.displacement import Sight
-from twinscrew.runtime.tracking.measurement import NO_STRIPS, Measurements
+from twinscrew.runtime.tracking.lidar import NO_SEGMENTS, LidarExtras, Measurements
 
 
 def tracks(*p_N, variance=0.1):
@@ -26,7 +25,7 @@ def measured(*z_N, gate=0.0):
         R=np.tile(0.01 * np.eye(2), (count, 1, 1)),
         radius=np.ones(count),
         gate=np.full(count, gate),
-        sights=[Sight(0, NO_STRIPS)] * count,
+        extras=[LidarExtras(0, NO_SEGMENTS)] * count,
     )
 
 
@@ -74,7 +73,7 @@ def test_distances_are_those_of_the_textbook():
     x, P = tracks((0, 0), (1, 2), (3, 1))
     P = P + np.array([a @ a.T for a in rng.normal(size=(3, 6, 6))])
     z = measured((0.5, 0.5), (2.0, 2.0), gate=0.2)
-    strict2, distance2, log_det = innovations(x, P, z.z_N, z.H, z.R, z.gate)
+    strict2, distance2, log_det = innovations(x, P, z.z_N, z.H, z.R, z.gate, 1e6)
     for k, m in itertools.product(range(3), range(2)):
         S = z.H[m] @ P[k] @ z.H[m].T + z.R[m]
         y = z.z_N[m] - z.H[m] @ x[k]
@@ -88,6 +87,6 @@ def test_arrays_that_disagree_are_refused():
     x, P = tracks((0, 0), (1, 2))
     z = measured((0.5, 0.5), (2.0, 2.0))
     with pytest.raises(ValueError, match="of each"):
-        innovations(x, P[:1].copy(), z.z_N, z.H, z.R, z.gate)
+        innovations(x, P[:1].copy(), z.z_N, z.H, z.R, z.gate, 1e6)
     with pytest.raises(ValueError, match="of each"):
-        innovations(x, P, z.z_N, z.H, z.R, z.gate[:1].copy())
+        innovations(x, P, z.z_N, z.H, z.R, z.gate[:1].copy(), 1e6)

@@ -1,13 +1,16 @@
-"""Centroids and velocities taken in: jumps are charged to the bias, bad velocities doubted."""
+"""Centroids and velocities taken in: jumps are charged to the bias, bad velocities trusted less."""
 
 import numpy as np
 import pytest
 from tests.reference.measurement import observation_matrix
 
-from twinscrew.runtime.tracking.bank import FilterBank
-from twinscrew.runtime.tracking.correction import charge_jumps, corrected, doubted
-from twinscrew.runtime.tracking.displacement import MeasuredVelocity
-from twinscrew.runtime.tracking.track import first_covariance
+from twinscrew.runtime.tracking.kalman import FilterBank, first_covariance
+from twinscrew.runtime.tracking.lidar_motion import (
+    MeasuredVelocity,
+    corrected,
+    inflated_noise,
+    jumps_to_bias,
+)
 
 H = observation_matrix(np.array([[0.6, 0.8]]))
 R = np.array([np.diag([0.01, 0.02])])
@@ -43,7 +46,7 @@ def settled():
 
 
 def test_a_small_innovation_is_left_to_the_filter():
-    P = charge_jumps(FIRST[1], H, R, np.array([-0.5]))
+    P = jumps_to_bias(FIRST[1], H, R, np.array([-0.5]))
     assert P is FIRST[1]
 
 
@@ -58,13 +61,13 @@ def test_a_jump_goes_to_the_bias_and_not_to_the_velocity():
 def test_the_excess_brings_the_innovation_to_the_limit():
     z = np.array([9.0, 6.0])
     excess = np.array([distance2(FIRST, z) / 2.0**2 - 1.0])
-    charged = FIRST[0], charge_jumps(FIRST[1], H, R, excess)
+    charged = FIRST[0], jumps_to_bias(FIRST[1], H, R, excess)
     assert distance2(charged, z) == pytest.approx(2.0**2)
 
 
 def test_only_what_jumped_is_charged():
     P = np.concatenate([FIRST[1], FIRST[1]])
-    charged = charge_jumps(P, np.tile(H, (2, 1, 1)), np.tile(R, (2, 1, 1)), np.array([-0.5, 3.0]))
+    charged = jumps_to_bias(P, np.tile(H, (2, 1, 1)), np.tile(R, (2, 1, 1)), np.array([-0.5, 3.0]))
     assert np.array_equal(charged[0], P[0])
     assert charged[1, 4, 4] > 2 * P[1, 4, 4]
 
@@ -102,7 +105,7 @@ def test_a_velocity_is_taken_in_as_if_it_were_measured_alone():
 
 def doubt(speed, variance, P, limit=2.0):
     v = velocity(speed, variance)
-    return doubted(v.v_N[None], v.R[None], np.zeros((1, 6)), P[None], limit)[0]
+    return inflated_noise(v.v_N[None], v.R[None], np.zeros((1, 6)), P[None], limit)[0]
 
 
 def test_a_likely_velocity_is_not_doubted():

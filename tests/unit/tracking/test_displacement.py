@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from twinscrew.runtime.geometry import rotation_2d
-from twinscrew.runtime.tracking.displacement import Displacement, DisplacementSettings, Sight
+from twinscrew.runtime.tracking.lidar import LidarExtras
+from twinscrew.runtime.tracking.lidar_motion import HullVelocity, HullVelocitySettings
 
 SECOND = 1_000_000_000
 CENTRE = np.array([105.0, -3.0])
@@ -16,9 +17,9 @@ STILL = np.zeros(2)
 
 
 def measure(before, after, *, dt=0.1, expected=STILL, centre=CENTRE, **changes):
-    finder = Displacement(DisplacementSettings(**changes))
-    now = Sight(SECOND + round(dt * SECOND), np.ascontiguousarray(after))
-    then = Sight(SECOND, np.ascontiguousarray(before))
+    finder = HullVelocity(HullVelocitySettings(**changes))
+    now = LidarExtras(SECOND + round(dt * SECOND), np.ascontiguousarray(after))
+    then = LidarExtras(SECOND, np.ascontiguousarray(before))
     return finder.measure(then, now, tuple(expected), tuple(centre))
 
 
@@ -96,7 +97,7 @@ def test_more_strips_and_finer_ones_are_surer():
 
 
 def test_the_noise_is_what_it_is_said_to_be():
-    rng, settings = np.random.default_rng(3), DisplacementSettings(floor_m=1e-6)
+    rng, settings = np.random.default_rng(3), HullVelocitySettings(floor_m=1e-6)
     spacing = HULL[:, 2] / (HULL[:, 3] - 1)
     sigma = np.hypot(settings.sigma_m, settings.spacing_sigma * spacing)[:, None]
     squares = []

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from twinscrew.runtime._native import crowded
 from twinscrew.runtime.messages.types import Objects, Strips
-from twinscrew.runtime.tracking.fragments import join_fragments
+from twinscrew.runtime.tracking.lidar import join_fragments
 
 
 def objects(*rows):

@@ -10,7 +10,7 @@ from tests.unit.perception import echoes
 
 from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.perception.segmentation import Perception
-from twinscrew.runtime.tracking.standing import Standing, StandingSettings
+from twinscrew.runtime.tracking.lidar_motion import LongObjects, LongObjectSettings
 
 SENSORS = ["vrx16", "vrx32", "vlp16", "hdl32e", "os1_64"]
 WATER_M = 0.11
@@ -30,7 +30,7 @@ def said_of(
 ) -> Counter[bool | None]:
     """Count what is said of pieces of a thing that goes along north, or lies there."""
     sensor = echoes.sensor(name)
-    perception, standing = Perception(sensor), Standing(StandingSettings())
+    perception, standing = Perception(sensor), LongObjects(LongObjectSettings())
     said: Counter[bool | None] = Counter()
     for t in scans(seconds):
         q_NB = quaternion_from_euler(
@@ -39,7 +39,7 @@ def said_of(
         aft, ahead = (end_m + (speed - own_speed) * t for end_m in ends_m)
         points_S = echoes.wall(sensor, away_m, q_NB, low=WATER_M, high=high_m, aft=aft, ahead=ahead)
         seen = replace(perception.step(echoes.cloud(points_S), q_NB), stamp_ns=round(1e9 * t))
-        said.update(standing.pieces(seen, stand((own_speed * t, 0.0, 0.0))))
+        said.update(standing.at_rest(seen, stand((own_speed * t, 0.0, 0.0))))
     return said
 
 

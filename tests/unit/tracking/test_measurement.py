@@ -12,19 +12,18 @@ from tests.reference.measurement import measure as plain_measure
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.settings import convert
-from twinscrew.runtime.tracking.measurement import Centroids, MeasurementSettings, Stand
-from twinscrew.runtime.tracking.view import View
+from twinscrew.runtime.tracking.lidar import Centroids, MeasurementSettings, SensorView, Viewpoint
 
 _spec = importlib.util.spec_from_file_location("scene", Path(__file__).with_name("scene.py"))
 scene = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(scene)
 
-SETTINGS, VIEW = MeasurementSettings(), View()
+SETTINGS, VIEW = MeasurementSettings(), SensorView()
 
 
 def seen(p_N, **kwargs):
     ego = scene.odometry(north=3.0, east=-2.0, yaw=0.8)
-    return Centroids(SETTINGS, VIEW).measure(scene.objects(p_N, ego, **kwargs), Stand.of(ego))
+    return Centroids(SETTINGS, VIEW).measure(scene.objects(p_N, ego, **kwargs), Viewpoint.of(ego))
 
 
 def test_centres_lie_behind_centroids_on_the_line_of_sight():
@@ -81,7 +80,7 @@ def test_an_object_on_the_sensor_has_a_finite_measurement():
     assert np.isfinite(measured.H).all()
 
 
-VIEWS = (View(), View(1.2, 0.4, 0.01), View(3.0, 0.05, 0.04))
+VIEWS = (SensorView(), SensorView(1.2, 0.4, 0.01), SensorView(3.0, 0.05, 0.04))
 
 
 @pytest.mark.parametrize("view", VIEWS)
@@ -92,7 +91,7 @@ def test_the_native_model_is_the_plain_one(view):
     objects = scene.objects(p_N, ego, radius=rng.uniform(0.2, 4.0, 200))
     objects.points[:] = rng.integers(0, 300, 200)
     objects.p_L[7], objects.radius[11] = np.nan, np.inf
-    found = Centroids(SETTINGS, view).measure(objects, Stand.of(ego))
+    found = Centroids(SETTINGS, view).measure(objects, Viewpoint.of(ego))
     plain = plain_measure(objects, ego, SETTINGS, view)
     for name in ("z_N", "H", "R", "radius", "gate"):
         assert getattr(found, name) == pytest.approx(getattr(plain, name), abs=1e-12)
@@ -103,7 +102,7 @@ def test_the_native_spread_is_the_plain_one(view):
     rng, ego = np.random.default_rng(1), scene.odometry(north=3.0)
     p_N, radius = rng.uniform(-20.0, 20.0, (200, 2)), rng.uniform(0.2, 4.0, 200)
     distance = np.hypot(*(p_N - ego.position_N[:2]).T)
-    found = Centroids(SETTINGS, view).bias_variance(p_N, radius, Stand.of(ego))
+    found = Centroids(SETTINGS, view).bias_variance(p_N, radius, ego.position_N[:2])
     assert found == pytest.approx(bias_variance(distance, radius, SETTINGS, view), rel=1e-12)
 
 
@@ -111,7 +110,7 @@ def test_a_hull_between_wider_rows_is_less_sure_and_a_buoy_is_not():
     ego = scene.odometry()
     p_N, radius = np.array([[15.0, 0.0], [15.0, 0.0]]), np.array([2.8, 0.5])
     fine, coarse = (
-        Centroids(SETTINGS, View(row_rad=row)).bias_variance(p_N, radius, Stand.of(ego))
+        Centroids(SETTINGS, SensorView(row_rad=row)).bias_variance(p_N, radius, ego.position_N[:2])
         for row in (0.0125, 0.035)
     )
     assert (coarse[0] > 1.5 * fine[0]).all()
@@ -120,7 +119,7 @@ def test_a_hull_between_wider_rows_is_less_sure_and_a_buoy_is_not():
 
 def test_a_sensor_that_looks_down_further_sees_the_near_side_from_nearer():
     hull, near = np.array([2.8]), np.array([7.2])
-    steep = View(lowest_rad=math.radians(22.5))
+    steep = SensorView(lowest_rad=math.radians(22.5))
     assert float(depth(near, hull, SETTINGS, steep)[0]) == pytest.approx(0.47, abs=0.02)
     assert float(depth(near, hull, SETTINGS, VIEW)[0]) == pytest.approx(0.02)
     far = np.array([19.5])
@@ -132,7 +131,7 @@ def test_arrays_that_disagree_are_refused():
     objects = scene.objects([[5.0, 0.0], [9.0, 1.0]], ego)
     with pytest.raises(ValueError, match="of each object"):
         Centroids(SETTINGS, VIEW).measure(
-            replace(objects, radius=objects.radius[:1]), Stand.of(ego)
+            replace(objects, radius=objects.radius[:1]), Viewpoint.of(ego)
         )
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from twinscrew.runtime.tracking.motion import bias_noise, motion_noise, slide_noise, transition
+from twinscrew.runtime.tracking.kalman import bias_noise, motion_noise, slide_noise, transition
 
 BIAS = np.array([[0.04, 0.09]])
 """[m2] Along and across."""

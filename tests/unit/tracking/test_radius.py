@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twinscrew.runtime.tracking.radius import RadiusSettings, smoothed_radius
+from twinscrew.runtime.tracking.lidar import RadiusSettings, smoothed_radius
 
 
 def follow(measured, start=1.0, **settings):

@@ -8,7 +8,7 @@ import pytest
 from tests.reference.flat_world import Eye, look, scans, ship, stand, wall, watch
 
 from twinscrew.runtime.messages.types import Objects, Outline
-from twinscrew.runtime.tracking.standing import Standing, StandingSettings
+from twinscrew.runtime.tracking.lidar_motion import LongObjects, LongObjectSettings
 
 STILL = lambda t: (0.0, 0.0, 0.0)  # noqa: E731
 AHEAD = lambda t: (2.0 * t, 0.0, 0.0)  # noqa: E731
@@ -61,13 +61,13 @@ def test_a_ship_too_slow_for_one_second_is_told_by_two():
 @pytest.mark.parametrize(("strays", "verdict"), [(1, True), (2, False)])
 def test_a_stray_echo_of_a_quay_does_not_move_it(strays, verdict):
     """Half a degree is too little to tell of it; a whole one is not."""
-    standing = Standing(StandingSettings())
+    standing = LongObjects(LongObjectSettings())
     for t in scans(2.0):
         objects, _ = look([QUAY], t, STILL(t), Eye())
         if t == scans(2.0)[-1]:
             abeam = len(objects.outline.boundary_L) * 3 // 4
             objects.outline.boundary_L[abeam : abeam + strays, 1] -= 2.0
-        said = set(standing.pieces(objects, stand(STILL(t))))
+        said = set(standing.at_rest(objects, stand(STILL(t))))
     assert said == {verdict}
 
 
@@ -161,13 +161,13 @@ def test_places_and_headings_that_are_a_little_off_move_no_wall(bank, seed):
 
 def disturbed(body, spoil):
     """Give what is said of a body of which the 21st scan is spoilt."""
-    standing, verdicts = Standing(StandingSettings()), []
+    standing, verdicts = LongObjects(LongObjectSettings()), []
     for k, t in enumerate(scans(5.0)):
         objects, _ = look([body], t, STILL(t), Eye())
         own = stand(STILL(t))
         if k == 20:
             objects, own = spoil(objects, own)
-        verdicts.append(set(standing.pieces(objects, own)))
+        verdicts.append(set(standing.at_rest(objects, own)))
     return verdicts
 
 
@@ -196,11 +196,11 @@ def test_after_a_gap_of_three_seconds_the_truth_is_told_at_once(body, verdict):
 
 
 def test_after_a_reset_nothing_is_known():
-    standing = Standing(StandingSettings())
+    standing = LongObjects(LongObjectSettings())
     for t in scans(3.0):
-        last = standing.pieces(look([QUAY], t, STILL(t), Eye())[0], stand(STILL(t)))
+        last = standing.at_rest(look([QUAY], t, STILL(t), Eye())[0], stand(STILL(t)))
     standing.reset()
-    fresh = standing.pieces(look([QUAY], 3.0, STILL(3.0), Eye())[0], stand(STILL(3.0)))
+    fresh = standing.at_rest(look([QUAY], 3.0, STILL(3.0), Eye())[0], stand(STILL(3.0)))
     assert (set(last), set(fresh)) == ({True}, {None})
 
 
@@ -228,10 +228,10 @@ def test_a_ship_that_was_too_short_to_tell_of_is_unknown_until_she_can_be_told_o
 
 def test_what_is_not_long_is_not_told_of_beside_what_is():
     buoy = ship(4.0, -5.0, 0.0, 0.0, (1.0, 1.0))
-    standing = Standing(StandingSettings())
+    standing = LongObjects(LongObjectSettings())
     for t in scans(2.0):
         objects, owner = look([QUAY, buoy], t, STILL(t), Eye())
-        verdicts = standing.pieces(objects, stand(STILL(t)))
+        verdicts = standing.at_rest(objects, stand(STILL(t)))
     assert {v for v, body in zip(verdicts, owner, strict=True) if body == 1} == {None}
     assert {v for v, body in zip(verdicts, owner, strict=True) if body == 0} == {True}
 
@@ -254,7 +254,7 @@ def test_few_sectors_are_enough_to_be_asked(sectors, is_closed, verdict):
         elevation_rad=np.empty(0),
         least_m=-math.inf,
     )
-    standing = Standing(StandingSettings())
+    standing = LongObjects(LongObjectSettings())
     for k in range(20):
         objects = Objects(
             stamp_ns=k * 100_000_000,
@@ -263,7 +263,7 @@ def test_few_sectors_are_enough_to_be_asked(sectors, is_closed, verdict):
             points=np.full(2, 50),
             outline=outline,
         )
-        verdicts = standing.pieces(objects, stand((0.0, 0.0, 0.0)))
+        verdicts = standing.at_rest(objects, stand((0.0, 0.0, 0.0)))
     assert verdicts == [verdict, verdict]
 
 
@@ -300,9 +300,9 @@ HOLES = np.arange(50, 57), np.arange(150, 157)
 
 def compared(then, now):
     """Give what is said by the second of two scans a second apart."""
-    standing, own = Standing(StandingSettings()), stand((0.0, 0.0, 0.0))
-    standing.pieces(then, own)
-    return list(standing.pieces(now, own))
+    standing, own = LongObjects(LongObjectSettings()), stand((0.0, 0.0, 0.0))
+    standing.at_rest(then, own)
+    return list(standing.at_rest(now, own))
 
 
 @pytest.mark.parametrize(
@@ -332,12 +332,12 @@ def test_what_the_oldest_outline_knows_is_not_asked_of_a_later_one():
 
 
 def test_an_empty_sea_is_told_of_without_objects():
-    standing = Standing(StandingSettings())
+    standing = LongObjects(LongObjectSettings())
     for t in scans(2.0):
-        assert list(standing.pieces(look([], t, STILL(t), Eye())[0], stand(STILL(t)))) == []
+        assert list(standing.at_rest(look([], t, STILL(t), Eye())[0], stand(STILL(t)))) == []
 
 
 def test_times_between_which_no_outline_lies_are_refused():
     with pytest.raises(ValueError, match="least_s must not be greater"):
-        StandingSettings(least_s=2.5, most_s=2.0)
-    assert StandingSettings(least_s=2.0, most_s=2.0).least_s == 2.0
+        LongObjectSettings(least_s=2.5, most_s=2.0)
+    assert LongObjectSettings(least_s=2.0, most_s=2.0).least_s == 2.0

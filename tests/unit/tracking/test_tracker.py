@@ -10,7 +10,7 @@ import pytest
 
 from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Strips
-from twinscrew.runtime.tracking.measurement import MeasurementSettings
+from twinscrew.runtime.tracking.lidar import MeasurementSettings
 from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
 
 _spec = importlib.util.spec_from_file_location("scene", Path(__file__).with_name("scene.py"))

@@ -8,7 +8,7 @@ import numpy as np
 
 SHORT = """
 import json, sys
-from twinscrew.runtime.tracking import light
+from twinscrew.runtime import lean_imports as light
 filter_, assign = light.kalman_filter(), light.linear_sum_assignment()
 kf = filter_(dim_x=2, dim_z=1)
 kf.F[0, 1] = kf.H[0, 0] = 1.0
@@ -56,7 +56,7 @@ def test_what_is_imported_already_is_used():
     code = """
 import json
 import filterpy.kalman, scipy.optimize
-from twinscrew.runtime.tracking import light
+from twinscrew.runtime import lean_imports as light
 print(json.dumps([
     light.kalman_filter() is filterpy.kalman.KalmanFilter,
     light.linear_sum_assignment() is scipy.optimize.linear_sum_assignment,
@@ -68,7 +68,7 @@ print(json.dumps([
 def test_a_package_laid_out_differently_is_imported_as_usual():
     code = """
 import json
-from twinscrew.runtime.tracking import light
+from twinscrew.runtime import lean_imports as light
 light._search = lambda parents, name: (_ for _ in ()).throw(ImportError(name))
 import filterpy.kalman.kalman_filter as whole, sys
 whole, KalmanFilter = None, None
@@ -86,7 +86,7 @@ print(json.dumps([
 def test_the_extended_filter_comes_the_same_way():
     code = """
 import inspect, json
-from twinscrew.runtime.tracking import light
+from twinscrew.runtime import lean_imports as light
 short, again = light.extended_kalman_filter(), light.extended_kalman_filter()
 from filterpy.kalman import ExtendedKalmanFilter
 same = inspect.getsource(short) == inspect.getsource(ExtendedKalmanFilter)

@@ -1,0 +1,1 @@
+"""Recorded detections of real sensors: read them, track them, score the tracks."""
