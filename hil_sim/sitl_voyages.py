@@ -21,9 +21,9 @@ from twinscrew.hil_sim.sensors.navigation import Navigation
 from twinscrew.hil_sim.sitl_settings import OdometrySource, SitlSettings
 from twinscrew.hil_sim.supervisor import Result
 from twinscrew.hil_sim.world import World
-from twinscrew.runtime.app.config import RuntimeConfig
-from twinscrew.runtime.app.session import RunSummary, nothing_told, read_summary
 from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.vessel.config import RuntimeConfig
+from twinscrew.runtime.vessel.realtime import RunSummary, nothing_told, read_summary
 
 Progress = Callable[[float, tuple[Result, ...]], None]
 Tell = Callable[[str], None]

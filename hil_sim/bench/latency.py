@@ -12,10 +12,6 @@ from twinscrew.hil_sim.bench.budgets import load_budgets, require
 from twinscrew.hil_sim.bench.numpy_segmentation import labels as numpy_labels
 from twinscrew.hil_sim.bench.scenes import basin, open_water
 from twinscrew.hil_sim.bench.timing import Stopwatch, garbage_at_rest
-from twinscrew.runtime.app.assemble import make_controller
-from twinscrew.runtime.app.config import RuntimeConfig
-from twinscrew.runtime.app.controller import Controller
-from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.errors import TwinscrewError
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.messages import cdr
@@ -23,6 +19,9 @@ from twinscrew.runtime.messages.types import Engagement, Odometry, PointCloud
 from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.observation import observe
+from twinscrew.runtime.vessel.config import RuntimeConfig
+from twinscrew.runtime.vessel.mission import MissionSettings
+from twinscrew.runtime.vessel.vessel import Controller, make_controller
 
 SCANS = 2000
 DIFFERENT = 40

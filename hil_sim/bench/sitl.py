@@ -24,9 +24,9 @@ PARTS = {
         ("runtime/messages/cloud.py", "decode_point_cloud"),
         ("runtime/messages/odometry.py", "decode_odometry"),
     ),
-    "perception": (("runtime/app/pipeline.py", "_perceive"),),
+    "perception": (("runtime/vessel/pipeline.py", "_perceive"),),
     "tracking": (("runtime/tracking/tracker.py", "step"),),
-    "policy": (("runtime/app/pipeline.py", "_act"),),
+    "policy": (("runtime/vessel/pipeline.py", "_act"),),
     "assurance": (("runtime/safety/assurance.py", "step"),),
     "autopilot_and_link": (("hil_sim/drivers/lockstep.py", "exchange"),),
 }

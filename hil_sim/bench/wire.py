@@ -13,11 +13,11 @@ from twinscrew.hil_sim.drivers.realtime import RealtimeCrew
 from twinscrew.hil_sim.drivers.voyage import Voyage
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.world import make_world
-from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.recording_settings import RecordingSettings
-from twinscrew.runtime.app.session import RunSummary, read_summary
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.vessel.config import RuntimeConfig
+from twinscrew.runtime.vessel.realtime import RunSummary, read_summary
 
 FLEETS = (1, 5)
 SENSOR = "vrx32"

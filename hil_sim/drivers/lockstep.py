@@ -22,15 +22,14 @@ from twinscrew.hil_sim.children import undisturbed
 from twinscrew.hil_sim.drivers.processes import LOOPBACK, START_LIMIT_S, STOP_LIMIT_S, free_port
 from twinscrew.hil_sim.drivers.voyage import ODOMETRY_S
 from twinscrew.hil_sim.last_words import ended
-from twinscrew.runtime.app.config import RuntimeConfig
-from twinscrew.runtime.app.session import RunSummary, inputs_of
-from twinscrew.runtime.app.stepped import SteppedRuntime
-from twinscrew.runtime.app.stepped_process import SERVICE, Orders, Rest, Step
 from twinscrew.runtime.bus.steps import Asker
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.errors import BusError, LinkError
 from twinscrew.runtime.messages.types import Float64, Odometry
+from twinscrew.runtime.vessel.config import RuntimeConfig
+from twinscrew.runtime.vessel.lockstep import SERVICE, Orders, Rest, Step, SteppedRuntime
+from twinscrew.runtime.vessel.realtime import RunSummary, inputs_of
 
 
 class Stepped(Protocol):
@@ -136,7 +135,7 @@ class LockstepCrew(SteppedCrew):
 
 PATIENCE_S = 60.0
 """[s] How long a step may take before the runtime is taken for hung."""
-MODULE = "twinscrew.runtime.app.stepped_process"
+MODULE = "twinscrew.runtime.vessel.lockstep"
 
 
 class RemoteRuntime:

@@ -22,8 +22,8 @@ import tomli_w
 
 from twinscrew.hil_sim.children import end
 from twinscrew.hil_sim.last_words import ended
-from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.vessel.config import RuntimeConfig
 
 FIFO = 5
 """[-] Real-time priority, below the runtimes': a LiDAR is not late because a program is busy."""

@@ -18,8 +18,6 @@ from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotS
 from twinscrew.hil_sim.autopilot.udp import AutopilotOnTheNet
 from twinscrew.hil_sim.children import undisturbed
 from twinscrew.hil_sim.drivers.processes import LOOPBACK, START_LIMIT_S, RuntimeProcess, free_port
-from twinscrew.runtime.app.config import RuntimeConfig
-from twinscrew.runtime.app.session import inputs_of
 from twinscrew.runtime.bus.base import Received, Receiver
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
@@ -30,6 +28,8 @@ from twinscrew.runtime.link.sockets import UdpTransport
 from twinscrew.runtime.link.transport import open_transport
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Odometry
+from twinscrew.runtime.vessel.config import RuntimeConfig
+from twinscrew.runtime.vessel.realtime import inputs_of
 
 
 class Fleet(Protocol):

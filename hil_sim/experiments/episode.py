@@ -46,10 +46,8 @@ from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.supervisor import Outcome
 from twinscrew.hil_sim.world import World, WorldSettings
-from twinscrew.runtime.app.config import RuntimeConfig, config_for
-from twinscrew.runtime.app.hull_settings import expecting
+from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.app.replay import combined_sha256
-from twinscrew.runtime.app.stepped import SteppedRuntime
 from twinscrew.runtime.errors import ConfigError, TwinscrewError
 from twinscrew.runtime.messages.types import (
     Float64,
@@ -65,7 +63,9 @@ from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.events import ASSURANCE_INTERVENED
 from twinscrew.runtime.settings import load, shipped
 from twinscrew.runtime.tracking.tracker import Tracker
-from twinscrew.runtime.vessel_description import load_vessel
+from twinscrew.runtime.vessel.config import RuntimeConfig
+from twinscrew.runtime.vessel.lockstep import SteppedRuntime
+from twinscrew.runtime.vessel.mission import MissionSettings
 
 POINTS = 100
 """[-] Number of points an ideal object claims to have: more than any stage asks for."""

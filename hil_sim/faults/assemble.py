@@ -13,7 +13,7 @@ from twinscrew.hil_sim.faults.plan import EVERY_VESSEL, Fault, FaultPlan
 from twinscrew.hil_sim.faults.rig import Rig, fleet_of
 from twinscrew.hil_sim.faults.verdict import Verdict, judge
 from twinscrew.hil_sim.world import World
-from twinscrew.runtime.app.config import RuntimeConfig
+from twinscrew.runtime.vessel.config import RuntimeConfig
 
 
 def faulty_crew(

@@ -11,9 +11,9 @@ from types import ModuleType
 from twinscrew.runtime.app import checks_machine as machine
 from twinscrew.runtime.app.checks_files import Sources, check_files
 from twinscrew.runtime.app.checks_network import check_network, check_permissions
-from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
 from twinscrew.runtime.app.finding import Finding, Verdict, fail, ok
 from twinscrew.runtime.errors import TwinscrewError
+from twinscrew.runtime.vessel.config import RuntimeConfig, sensor_of
 
 __all__ = ["Finding", "Verdict", "examine"]
 

@@ -10,8 +10,8 @@ import socket
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.finding import Finding, fail, ok, warn
+from twinscrew.runtime.vessel.config import RuntimeConfig
 
 WAIT_S: Final = 1.0
 """[s] How long somebody may take to answer a call on a boat's own network."""

@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from twinscrew.runtime.app.assemble import expected_of_policies
-from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.finding import Finding, fail, ok, warn
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS, Observation
 from twinscrew.runtime.policy.load import Policy, load_policy
 from twinscrew.runtime.policy.onnx import OnnxPolicy
 from twinscrew.runtime.settings import shipped
-from twinscrew.runtime.vessel_description import load_vessel
+from twinscrew.runtime.vessel.config import RuntimeConfig
+from twinscrew.runtime.vessel.vessel import expected_of_policies
 
 SAME = ("training_run", "commit", "created")
 """What a policy file and its card must agree on."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from twinscrew.runtime.app.controller import Controller
 from twinscrew.runtime.app.ground import GroundReport
 from twinscrew.runtime.app.station_goals import Feed, StationGoals
+from twinscrew.runtime.vessel.vessel import Controller
 
 
 class GroundDesk:

@@ -7,14 +7,14 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
 from twinscrew.runtime.app.finding import Finding, fail, ok, warn
 from twinscrew.runtime.app.motion import judge_motion
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.geometry import euler_from_quaternion
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS
-from twinscrew.runtime.perception.segmentation import Perception
+from twinscrew.runtime.perception.stage import Perception
+from twinscrew.runtime.vessel.config import RuntimeConfig, sensor_of
 
 M = TypeVar("M")
 SLOW_SHARE = 0.7

@@ -15,10 +15,8 @@ from typing import Any
 
 import msgspec
 
-from twinscrew.runtime.app.config import RuntimeConfig
-from twinscrew.runtime.app.hull_settings import hull_settings
 from twinscrew.runtime.settings import Settings
-from twinscrew.runtime.vessel_description import load_vessel
+from twinscrew.runtime.vessel.config import RuntimeConfig
 
 WIDTH = 100
 HEAD = """\

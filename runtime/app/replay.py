@@ -10,16 +10,15 @@ from pathlib import Path
 
 import msgspec
 
-from twinscrew.runtime.app.assemble import make_core
-from twinscrew.runtime.app.config import RuntimeConfig, load_config
-from twinscrew.runtime.app.core import Core
-from twinscrew.runtime.app.odometry_source import SENSED, GpsImuOdometry, OdometrySource
 from twinscrew.runtime.app.recording import DecisionHash, Recorded, Recording
 from twinscrew.runtime.errors import MessageError, RecordingError
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import CORE_INPUTS
 from twinscrew.runtime.messages.types import Engagement, HealthEvent, Severity
 from twinscrew.runtime.settings import convert
+from twinscrew.runtime.vessel.config import RuntimeConfig, load_config
+from twinscrew.runtime.vessel.own_odometry import SENSED, GpsImuOdometry, OdometrySource
+from twinscrew.runtime.vessel.vessel import Core, make_core
 
 
 @dataclass(slots=True)

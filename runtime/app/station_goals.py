@@ -12,13 +12,13 @@ from collections.abc import Callable
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.runtime.app.core import Core
-from twinscrew.runtime.geometry import rotation_2d
+from twinscrew.runtime.geometry.frames import rotation_2d
 from twinscrew.runtime.link.orders import GoTo, Halt, Order, Relative, Sail, Waypoint
 from twinscrew.runtime.link.stations import Stations
 from twinscrew.runtime.link.wire import Message
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Goal
+from twinscrew.runtime.vessel.vessel import Core
 
 Feed = Callable[[str, bytes], None]
 """Takes a topic and a payload: hands them to the core, and keeps them for a replay."""

@@ -8,12 +8,9 @@ from contextlib import suppress
 
 from msgspec.structs import replace
 
-from twinscrew.runtime.app.config import RuntimeConfig, autopilot_of
 from twinscrew.runtime.app.finding import Finding
 from twinscrew.runtime.app.heard import Heard, judge_content, judge_rate
 from twinscrew.runtime.app.heard_autopilot import judge_autopilot
-from twinscrew.runtime.app.odometry_source import SENSED, GpsImuOdometry
-from twinscrew.runtime.app.session import inputs_of
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.bus.zenoh import ZenohBus
@@ -25,6 +22,9 @@ from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.header import read_stamp
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.wire import Reader
+from twinscrew.runtime.vessel.config import RuntimeConfig, autopilot_of
+from twinscrew.runtime.vessel.own_odometry import SENSED, GpsImuOdometry
+from twinscrew.runtime.vessel.realtime import inputs_of
 
 ODOMETRY_BYTES = 4096
 """[B] More of an odometry message is not kept: whole ones have some 700."""

@@ -13,11 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.rover import RoverSettings
-from twinscrew.runtime.app.controller import Controller
-from twinscrew.runtime.app.core import Core
-from twinscrew.runtime.app.mission import Mission, MissionSettings
-from twinscrew.runtime.app.pipeline import Pipeline
-from twinscrew.runtime.geometry import quaternion_from_euler
+from twinscrew.runtime.geometry.frames import quaternion_from_euler
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.link.paddling import STOP
 from twinscrew.runtime.link.wire import Message, Wire
@@ -35,6 +31,9 @@ from twinscrew.runtime.policy.load import Policy
 from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.guard import Guard
 from twinscrew.runtime.tracking.tracker import Tracker
+from twinscrew.runtime.vessel.mission import Mission, MissionSettings
+from twinscrew.runtime.vessel.pipeline import Pipeline
+from twinscrew.runtime.vessel.vessel import Controller, Core
 
 SECOND = 1_000_000_000
 EPOCH_NS = 1_800_000_000 * SECOND

@@ -12,13 +12,13 @@ from twinscrew.hil_sim.experiments.chance import RandomPolicy
 from twinscrew.hil_sim.scenario import Scenario, load_scenario
 from twinscrew.hil_sim.supervisor import Result
 from twinscrew.hil_sim.world import make_world
-from twinscrew.runtime.app.config import RuntimeConfig
-from twinscrew.runtime.app.mission import MissionSettings
-from twinscrew.runtime.app.pipeline import Pipeline
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.messages.types import Decision
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.safety.assurance import AssuranceSettings
+from twinscrew.runtime.vessel.config import RuntimeConfig
+from twinscrew.runtime.vessel.mission import MissionSettings
+from twinscrew.runtime.vessel.pipeline import Pipeline
 
 SENSOR = "vrx32"
 

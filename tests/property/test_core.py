@@ -9,14 +9,15 @@ from tests.harness.boat import Boat, cloud, make_pipeline, odometry, stamp
 
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.world import make_world
-from twinscrew.runtime.app.core import Core
-from twinscrew.runtime.app.health import State
-from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.bus.memory import MemoryBus
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import CORE_INPUTS
 from twinscrew.runtime.messages.types import Decision, Engagement, Goal
-from twinscrew.runtime.policy.load import Policy, load_policy
+from twinscrew.runtime.policy.base import Policy
+from twinscrew.runtime.policy.load import load_policy
+from twinscrew.runtime.vessel.health import State
+from twinscrew.runtime.vessel.outputs import Outlet
+from twinscrew.runtime.vessel.vessel import Core
 
 
 @functools.cache

@@ -19,15 +19,15 @@ import numpy as np
 
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlSettings, sail
-from twinscrew.runtime.app.assemble import make_core
 from twinscrew.runtime.app.bag import BagWriter
-from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.recorder import software
 from twinscrew.runtime.app.recording import Recording, find_recordings
 from twinscrew.runtime.app.recording_settings import BagSettings
-from twinscrew.runtime.app.session import metadata_of
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.safety.assurance import AssuranceSettings
+from twinscrew.runtime.vessel.config import RuntimeConfig
+from twinscrew.runtime.vessel.realtime import metadata_of
+from twinscrew.runtime.vessel.vessel import make_core
 
 FOLDER = Path(__file__).parent.parent / "data" / "references" / "crossing"
 VESSEL = "wamv1"

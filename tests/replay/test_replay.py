@@ -20,22 +20,22 @@ from tests.harness.circling import EPOCH_NS, Circling
 
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlSettings, sail
-from twinscrew.runtime.app.assemble import make_core
 from twinscrew.runtime.app.commands.replay import replay as replay_command
-from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.mcap_file import McapFile
-from twinscrew.runtime.app.mission import MissionSettings
-from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.app.recording import find_recordings
 from twinscrew.runtime.app.replay import Replay, combined_sha256, replay
-from twinscrew.runtime.app.session import metadata_of
 from twinscrew.runtime.errors import ConfigError, RecordingError
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.definitions import type_store
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.types import Engagement, Goal
 from twinscrew.runtime.settings import CONFIG_DIR, convert
+from twinscrew.runtime.vessel.config import RuntimeConfig
+from twinscrew.runtime.vessel.mission import MissionSettings
+from twinscrew.runtime.vessel.outputs import Outlet
+from twinscrew.runtime.vessel.realtime import metadata_of
+from twinscrew.runtime.vessel.vessel import make_core
 
 BRIEF = replace(load_scenario("passage"), time_limit_s=4.0)
 CONFIG = RuntimeConfig(sensor="vrx16", mission=MissionSettings(waypoints_m=((60.0, 0.0),)))

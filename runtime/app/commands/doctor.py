@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 if TYPE_CHECKING:
-    from twinscrew.runtime.app.config import RuntimeConfig
+    from twinscrew.runtime.vessel.config import RuntimeConfig
 
 UNFIT = 1
 COLOURS = {"OK": "green", "WARN": "yellow", "FAIL": "red"}
@@ -44,10 +44,9 @@ def doctor(
     """Check this machine and this installation, line by line; exit status 1 if a line says FAIL."""
     from twinscrew.runtime.app.checks import examine
     from twinscrew.runtime.app.checks_files import Sources
-    from twinscrew.runtime.app.config import config_for, load_config
     from twinscrew.runtime.app.finding import Verdict
     from twinscrew.runtime.errors import ConfigError
-    from twinscrew.runtime.vessel_description import DEFAULT
+    from twinscrew.runtime.vessel.config import RuntimeConfig, load_config
 
     settings = (
         load_config(config, vessel)

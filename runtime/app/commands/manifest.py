@@ -31,9 +31,9 @@ def write(
 ) -> None:
     """Write the SHA-256 of every file that a configuration leads to, as they are now."""
     from twinscrew.runtime.app.approval import files_of
-    from twinscrew.runtime.app.config import load_config
     from twinscrew.runtime.errors import ConfigError
     from twinscrew.runtime.integrity.manifest import manifest_text
+    from twinscrew.runtime.vessel.config import load_config
 
     path = out or config.parent / "manifest.toml"
     files = {*files_of(config, load_config(config)), *(also or ())}

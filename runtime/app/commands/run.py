@@ -10,11 +10,11 @@ from typing import Annotated
 
 import typer
 
-from twinscrew.runtime.app import one_thread  # noqa: F401  (before anything loads a library)
+from twinscrew.runtime.vessel import one_thread  # noqa: F401  (before anything loads a library)
+
+# isort: split
 from twinscrew.runtime.app.approval import Approved, load_approved
-from twinscrew.runtime.app.stopping import StopRequest
-from twinscrew.runtime.app.tether import at_end_of_input
-from twinscrew.runtime.files import only_approved
+from twinscrew.runtime.vessel.process import StopRequest, at_end_of_input
 
 
 def run(
@@ -41,8 +41,8 @@ def run(
 
 def sail(approved: Approved, stop: Callable[[], bool], *, source: Path) -> None:
     """Open everything, loop until `stop` says so, close everything, and write the summary."""
-    from twinscrew.runtime.app.priority import take
-    from twinscrew.runtime.app.session import Session
+    from twinscrew.runtime.vessel.process import take
+    from twinscrew.runtime.vessel.realtime import Session
 
     config = approved.config
     refused = take(config.priority)

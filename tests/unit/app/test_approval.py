@@ -13,15 +13,13 @@ from pathlib import Path
 import pytest
 
 from twinscrew.runtime.app.approval import check_manifest, files_of, load_approved
-from twinscrew.runtime.app.assemble import make_controller
-from twinscrew.runtime.app.config import load_config
-from twinscrew.runtime.bus.zenoh_config import zenoh_config
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.files import only_approved
 from twinscrew.runtime.integrity.manifest import manifest_text
 from twinscrew.runtime.integrity.minisign import make_key, sign, write_keys
 from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.settings import CONFIG_DIR
+from twinscrew.runtime.vessel.config import load_config
 
 SECRET = make_key()
 
@@ -230,7 +228,7 @@ from pathlib import Path
 opened = set()
 sys.addaudithook(lambda event, args: opened.add(args[0]) if event == "open" else None)
 from twinscrew.runtime.app.approval import load_approved
-from twinscrew.runtime.app.assemble import make_controller
+from twinscrew.runtime.vessel.vessel import make_controller
 
 make_controller(load_approved(Path(sys.argv[1])).config).core.pipeline.warm_up()
 files = {Path(file).resolve() for file in opened if isinstance(file, str)}

@@ -9,9 +9,9 @@ import pytest
 
 from twinscrew.runtime.app import checks_policy
 from twinscrew.runtime.app.checks_policy import check_card, check_policy
-from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.finding import Verdict
 from twinscrew.runtime.settings import CONFIG_DIR
+from twinscrew.runtime.vessel.config import RuntimeConfig
 
 SHIPPED = CONFIG_DIR / "policies" / "ac_iqn.onnx"
 

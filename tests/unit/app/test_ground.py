@@ -7,11 +7,7 @@ import numpy as np
 import pytest
 from tests.harness.boat import Steady, cloud, make_pipeline, odometry, stamp
 
-from twinscrew.runtime.app.controller import Controller
-from twinscrew.runtime.app.core import Core
 from twinscrew.runtime.app.ground import FORGOTTEN_S, GroundReport, GroundSettings
-from twinscrew.runtime.app.loop import Loop
-from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
@@ -21,6 +17,9 @@ from twinscrew.runtime.link.wire import Wire
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Decision, Objects, Severity, Tracks
 from twinscrew.runtime.safety.events import GOAL_SET
+from twinscrew.runtime.vessel.outputs import Outlet
+from twinscrew.runtime.vessel.realtime import Loop
+from twinscrew.runtime.vessel.vessel import Controller, Core
 
 
 def decision() -> Decision:

@@ -7,12 +7,12 @@ from tests.harness.boat import cloud, odometry
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.world import make_world
 from twinscrew.runtime.app import heard
-from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.finding import Verdict
 from twinscrew.runtime.app.heard import Heard
 from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Odometry
+from twinscrew.runtime.vessel.config import RuntimeConfig
 
 VRX16 = RuntimeConfig(sensor="vrx16")
 

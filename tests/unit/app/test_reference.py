@@ -1,8 +1,8 @@
 import tomllib
 
-from twinscrew.runtime.app.config import RuntimeConfig, load_config
 from twinscrew.runtime.app.reference import as_toml, reference
 from twinscrew.runtime.settings import CONFIG_DIR, Settings
+from twinscrew.runtime.vessel.config import RuntimeConfig, load_config
 
 
 class Inner(Settings, frozen=True):

@@ -1,10 +1,10 @@
 """`doctor --listen`: what it says where nothing comes, and of a boat that is under way."""
 
 from twinscrew.runtime.app import traffic
-from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.finding import Verdict
 from twinscrew.runtime.app.heard import Heard
 from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.vessel.config import RuntimeConfig
 
 
 def test_where_nothing_comes_every_line_fails_and_says_what_to_look_at() -> None:

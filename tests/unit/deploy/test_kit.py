@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from twinscrew.runtime.app.assemble import make_core
-from twinscrew.runtime.app.config import RuntimeConfig, load_config
+from twinscrew.runtime.vessel.config import RuntimeConfig, load_config
+from twinscrew.runtime.vessel.vessel import make_core
 
 ROOT = Path(__file__).parents[3]
 BOAT = ROOT / "deploy" / "boat.toml"
@@ -90,7 +90,7 @@ def test_the_unit_allows_the_priority_that_the_runtime_asks_for():
 
 def test_the_watchdog_waits_longer_than_the_loops_slowest_sign_of_life():
     seconds = float(re.search(r"^WatchdogSec=([\d.]+)$", UNIT.read_text(), re.MULTILINE)[1])
-    from twinscrew.runtime.app.notify import SHARE
+    from twinscrew.runtime.vessel.process import SHARE
 
     tick_s = 1.0 / RuntimeConfig().command_rate_hz
     assert SHARE * seconds + tick_s < 0.5 * seconds

@@ -5,9 +5,9 @@ import os
 import pytest
 
 from twinscrew.hil_sim.drivers.processes import RuntimeProcess
-from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.vessel.config import RuntimeConfig
 
 
 def test_a_folder_whose_name_is_no_text_is_refused_before_anything_starts(tmp_path):

@@ -7,7 +7,7 @@ from rich.console import Console
 
 from twinscrew.hil_sim.sitl_report import SitlReport, VesselReport
 from twinscrew.hil_sim.summary import as_dict, as_table, write_summary
-from twinscrew.runtime.app.latency import LatencySummary
+from twinscrew.runtime.vessel.summary import LatencySummary
 
 
 def vessel(name: str, outcome: str = "goal", closest: float = 3.21049, p99: float = 2.0):

@@ -96,7 +96,9 @@ def refuse(event, args):
 import numpy, onnxruntime, scipy, zenoh
 sys.addaudithook(refuse)
 from tests.replay.references import decide
-from twinscrew.runtime.app import approval, session, stepped_process, traffic
+from twinscrew.runtime.app import approval, traffic
+from twinscrew.runtime.vessel import lockstep as stepped_process
+from twinscrew.runtime.vessel import realtime as session
 assert len(decide("ac_iqn")) > 20
 import pickle, pathlib
 try:

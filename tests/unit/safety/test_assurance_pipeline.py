@@ -4,9 +4,6 @@ import numpy as np
 import pytest
 from tests.harness.boat import Steady, cloud, odometry
 
-from twinscrew.runtime.app.config import RuntimeConfig
-from twinscrew.runtime.app.mission import Mission, MissionSettings
-from twinscrew.runtime.app.pipeline import Pipeline
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.messages.types import Decision, Odometry
 from twinscrew.runtime.perception.segmentation import Perception
@@ -15,6 +12,9 @@ from twinscrew.runtime.policy.load import Policy
 from twinscrew.runtime.safety.assurance import Assurance, AssuranceSettings
 from twinscrew.runtime.safety.guard import Guard
 from twinscrew.runtime.tracking.tracker import Tracker
+from twinscrew.runtime.vessel.config import RuntimeConfig
+from twinscrew.runtime.vessel.mission import Mission, MissionSettings
+from twinscrew.runtime.vessel.pipeline import Pipeline
 
 
 def pipeline(policy: Policy) -> Pipeline:
@@ -112,7 +112,7 @@ def test_letting_go_of_the_boat_ends_a_manoeuvre():
 
 @pytest.mark.parametrize("enabled", [True, False])
 def test_the_configuration_switches_it(enabled):
-    from twinscrew.runtime.app.assemble import make_core
+    from twinscrew.runtime.vessel.vessel import make_core
 
     config = RuntimeConfig(policy="apf", assurance=AssuranceSettings(enabled=enabled))
     boat = make_core(config).pipeline

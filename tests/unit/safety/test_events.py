@@ -7,16 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twinscrew.runtime.app.health import State
-from twinscrew.runtime.estimation import estimator as estimation_events
+from twinscrew.runtime.estimation import events as estimation_events
 from twinscrew.runtime.link import events as link_events
 from twinscrew.runtime.safety import events
 from twinscrew.runtime.safety.events import GREATEST_DETAIL, LIDAR_STALE, EventKind
+from twinscrew.runtime.vessel.health import State
 
 ROOT = Path(__file__).parents[3]
 DOC = (ROOT / "docs" / "safety.md").read_text()
 MODULES = (events, link_events, estimation_events)
-CONTROLLER = "tests/unit/app/test_controller.py"
+CONTROLLER = "tests/unit/runtime/vessel/test_vessel.py"
 
 
 def section(title: str) -> str:

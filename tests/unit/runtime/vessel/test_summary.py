@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from twinscrew.runtime.app.latency import Latencies
+from twinscrew.runtime.vessel.summary import Latencies
 
 
 def test_percentiles_are_within_a_thousandth_of_the_exact_ones() -> None:

@@ -2,8 +2,8 @@ import itertools
 
 import pytest
 
-from twinscrew.runtime.app.health import Facts, Health, State, state_of
 from twinscrew.runtime.safety.events import LIDAR_STALE, OVERRUN
+from twinscrew.runtime.vessel.health import Facts, Health, State, state_of
 
 WELL = {
     "inputs_heard": True,

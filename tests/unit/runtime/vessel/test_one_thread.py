@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from twinscrew.runtime.app.one_thread import VARIABLES
+from twinscrew.runtime.vessel.one_thread import VARIABLES
 
 LOOK = """
 import json, os

@@ -13,11 +13,6 @@ from msgspec import Meta
 from msgspec.structs import replace
 
 from twinscrew.runtime.app.ground import GroundSettings
-from twinscrew.runtime.app.hull_settings import hull_settings
-from twinscrew.runtime.app.mission import MissionSettings
-from twinscrew.runtime.app.odometry_buffer import OdometryBufferSettings
-from twinscrew.runtime.app.odometry_source import AlignmentSettings
-from twinscrew.runtime.app.priority import PrioritySettings
 from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.errors import ConfigError
@@ -32,7 +27,10 @@ from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.settings import Settings, convert, read_toml
 from twinscrew.runtime.tracking.tracker import TrackerSettings
-from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
+from twinscrew.runtime.vessel.inputs import OdometryBufferSettings
+from twinscrew.runtime.vessel.mission import MissionSettings
+from twinscrew.runtime.vessel.own_odometry import AlignmentSettings
+from twinscrew.runtime.vessel.process import PrioritySettings
 
 
 class IntegritySettings(Settings, frozen=True):

@@ -1,18 +1,24 @@
-"""Where everything that a vessel's runtime tells goes: the bus, the recorder, the hash."""
+"""The way that the vessel has sailed, thinned out, for those who look on."""
 
 from __future__ import annotations
 
+import math
 import time
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Final
+
+import numpy as np
 
 from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.app.recording import DecisionHash
-from twinscrew.runtime.app.transforms import Frames
-from twinscrew.runtime.app.wake import Wake
 from twinscrew.runtime.bus.base import Bus
-from twinscrew.runtime.errors import BusError
+from twinscrew.runtime.errors import BusError, MessageError
+from twinscrew.runtime.geometry.frames import flu_to_frd, quaternion_from_euler
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.header import VESSEL_FRAME
+from twinscrew.runtime.messages.transforms import Transform, vessel_transform
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
     Decision,
@@ -20,7 +26,78 @@ from twinscrew.runtime.messages.types import (
     Float64,
     HealthEvent,
 )
-from twinscrew.runtime.safety.events import AUTOPILOT_NOW, STATE_NOW
+from twinscrew.runtime.perception.sensor import Sensor
+from twinscrew.runtime.safety.events import STATE_NOW
+
+APART_M: Final = 1.0
+"""[m] Between two places of the way."""
+PLACES: Final = 1000
+"""[-] The last so many are kept: a kilometre."""
+EVERY_NS: Final = NANOSECONDS_PER_SECOND
+"""[ns] How often it is told (`TOPICS["path"]`)."""
+
+
+class Wake:
+    """Follows the odometry that comes in."""
+
+    def __init__(self) -> None:
+        self._places: deque[tuple[float, float]] = deque(maxlen=PLACES)
+        self._told_ns: int | None = None
+
+    def see(self, payload: bytes) -> bytes | None:
+        """Look at an odometry message; gives the path to tell now and then, else None."""
+        try:
+            odometry = cdr.decode_odometry(payload)
+        except MessageError:  # the core says so
+            return None
+        north, east, _ = odometry.position_N.tolist()
+        if not self._places or math.dist(self._places[-1], (north, east)) >= APART_M:
+            self._places.append((north, east))
+        stamp_ns, told_ns = odometry.stamp_ns, self._told_ns
+        if told_ns is not None and 0 <= stamp_ns - told_ns < EVERY_NS:
+            return None
+        self._told_ns = stamp_ns
+        return cdr.encode_path(np.array(self._places), stamp_ns=stamp_ns)
+
+
+# -- Where the frames are, so that RViz and Foxglove draw a recording in one picture.
+#
+# Recorded only, never published: a boat or a VRX has its own publisher of /tf.
+
+
+class Frames:
+    """Follows the vessel's pose and the LiDAR's frame through the messages that come in."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        self._sensor = sensor
+        self._lidar: Transform | None = None
+
+    def see(self, topic: str, payload: bytes) -> bytes | None:
+        """Look at a message; gives the transforms to record after odometry, else None."""
+        try:
+            if topic == "points" and self._lidar is None:
+                self._lidar = self._mount(cdr.decode_point_cloud(payload).frame_id)
+            if topic != "odometry":
+                return None
+            odometry = cdr.decode_odometry(payload)
+        except MessageError:  # the core says so
+            return None
+        frames = [vessel_transform(odometry)]
+        if self._lidar is not None:
+            frames.append(self._lidar)
+        return cdr.encode_transforms(frames, stamp_ns=odometry.stamp_ns)
+
+    def _mount(self, frame_id: str) -> Transform | None:
+        """Give the LiDAR's frame in the vessel's; both FLU."""
+        mount = self._sensor.mount
+        if mount is None or frame_id in ("", VESSEL_FRAME):
+            return None
+        q = quaternion_from_euler(mount.roll_rad, mount.pitch_rad, mount.yaw_rad)
+        x, y, z = flu_to_frd(self._sensor.mount_position_B).tolist()
+        return Transform(VESSEL_FRAME, frame_id, (x, y, z), tuple(q.tolist()))
+
+
+# -- Where everything that a vessel's runtime tells goes: the bus, the recorder, the hash.
 
 STATE_EVERY_NS = NANOSECONDS_PER_SECOND
 """[ns] How often the state is told while it stays as it is."""

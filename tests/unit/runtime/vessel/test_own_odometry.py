@@ -12,23 +12,21 @@ from tests.harness.circling import DT_S, Circling
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.telemetry import Origin
-from twinscrew.runtime.app.assemble import make_controller
-from twinscrew.runtime.app.config import RuntimeConfig, autopilot_of
-from twinscrew.runtime.app.controller import Controller
-from twinscrew.runtime.app.core import Core
-from twinscrew.runtime.app.odometry_source import (
+from twinscrew.runtime.estimation.inertial import InertialFilter
+from twinscrew.runtime.estimation.settings import EstimationSettings
+from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.link.datum import EARTH_RADIUS_M, Datum
+from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.vessel.config import RuntimeConfig, autopilot_of
+from twinscrew.runtime.vessel.own_odometry import (
     ANOTHER_CLOCK_NS,
     WINDOW,
     Alignment,
     AlignmentSettings,
     AutopilotOdometry,
 )
-from twinscrew.runtime.app.session import inputs_of
-from twinscrew.runtime.estimation.estimator import EstimationSettings
-from twinscrew.runtime.estimation.inertial import InertialFilter
-from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
-from twinscrew.runtime.link.datum import EARTH_RADIUS_M, Datum
-from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.vessel.realtime import inputs_of
+from twinscrew.runtime.vessel.vessel import Controller, Core, make_controller
 
 MS = SECOND // 1000
 ORIGIN = Origin(latitude_deg=-33.0, longitude_deg=151.0)

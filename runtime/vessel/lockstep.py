@@ -7,17 +7,24 @@ sockets and the clock are missing. A simulator steps it in its own process, or i
 
 from __future__ import annotations
 
+import sys
 import time
 from pathlib import Path
+from typing import Final
 
-from twinscrew.runtime.app.assemble import make_controller
-from twinscrew.runtime.app.config import RuntimeConfig, sensor_of
-from twinscrew.runtime.app.latency import Latencies
-from twinscrew.runtime.app.outlet import Outlet
+import msgspec
+
 from twinscrew.runtime.app.recorder import Recorder
-from twinscrew.runtime.app.session import RunSummary, inputs_of, metadata_of
-from twinscrew.runtime.app.transforms import Frames
+from twinscrew.runtime.bus.inbox import Inbox
+from twinscrew.runtime.bus.steps import Answerer
+from twinscrew.runtime.bus.zenoh import ZenohBus
+from twinscrew.runtime.errors import BusError, TwinscrewError
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND
+from twinscrew.runtime.vessel.config import RuntimeConfig, sensor_of
+from twinscrew.runtime.vessel.outputs import Frames, Outlet
+from twinscrew.runtime.vessel.realtime import RunSummary, inputs_of, metadata_of
+from twinscrew.runtime.vessel.summary import Latencies
+from twinscrew.runtime.vessel.vessel import make_controller
 
 
 class SteppedRuntime:
@@ -119,3 +126,100 @@ class SteppedRuntime:
         path.mkdir(parents=True, exist_ok=True)
         metadata = metadata_of(self.config, self.controller.core.pipeline.policy)
         return Recorder(path / "recording", self.config.name, metadata, lossless=True)
+
+
+# -- A stepped runtime in a process of its own, led over Zenoh.
+#
+# Sensor messages come by their topics, as on the boat. Then the leader says by a question which of
+# them it is the turn of, or hands over the autopilot's bytes, with the time; the answer carries what
+# the runtime sends to the autopilot, and says that it has come to rest.
+#
+#     python -m twinscrew.runtime.vessel.lockstep     with an `Orders` in MessagePack as its input
+
+SERVICE: Final = "lockstep"
+ON_ITS_WAY_S: Final = 30.0
+"""[s] A message that was announced may take so long to arrive."""
+LEADERLESS_S: Final = 120.0
+"""[s] Without a step for so long the leader is taken for dead."""
+USAGE_ERROR: Final = 2
+
+
+class Orders(msgspec.Struct, frozen=True):
+    """What a process is started with."""
+
+    config: RuntimeConfig
+    epoch_ns: int
+    """[ns] The simulation's begin."""
+
+
+class Step(msgspec.Struct, frozen=True):
+    """What to do next."""
+
+    now_s: float
+    """[s] Simulated time."""
+    topic: str = ""
+    """The topic whose next message to take in; empty: talk with the autopilot."""
+    data: bytes = b""
+    """From the autopilot."""
+    last: bool = False
+    """Close everything: the voyage has ended."""
+
+
+class Rest(msgspec.Struct, frozen=True):
+    """What came of a step."""
+
+    data: bytes
+    """For the autopilot."""
+    engaged: bool
+    """Whether the policy has the propellers."""
+    summary: RunSummary | None = None
+    """After the last step."""
+
+
+def main() -> int:
+    """Run one vessel's runtime until its last step."""
+    orders = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=Orders)
+    try:
+        follow(orders)
+    except TwinscrewError as error:
+        print(f"twinscrew: error: {error}", file=sys.stderr)
+        return USAGE_ERROR
+    return 0
+
+
+def follow(orders: Orders) -> None:
+    """Do what the leader says, step by step."""
+    config = orders.config
+    runtime = SteppedRuntime(config, epoch_ns=orders.epoch_ns)
+    bus = ZenohBus(config.bus, config.name)
+    inbox = Inbox()
+    inbox.listen(bus, inputs_of(config))
+    leader = Answerer(bus, SERVICE)
+    try:
+        over = False
+        while not over:
+            step = msgspec.msgpack.decode(leader.question(LEADERLESS_S), type=Step)
+            leader.answer(msgspec.msgpack.encode(_rest(runtime, inbox, step)))
+            over = step.last
+    finally:
+        runtime.close()
+        bus.close()
+
+
+def _rest(runtime: SteppedRuntime, inbox: Inbox, step: Step) -> Rest:
+    """Go a step."""
+    if step.last:
+        runtime.close()
+        return Rest(b"", runtime.engaged, runtime.summary())
+    if not step.topic:
+        return Rest(runtime.exchange(step.data, step.now_s), runtime.engaged)
+    messages = inbox.wait(ON_ITS_WAY_S)
+    if [message.topic for message in messages] != [step.topic]:
+        came = ", ".join(message.topic for message in messages) or "nothing"
+        raise BusError(f"out of step: {step.topic} was announced, {came} came")
+    data = runtime.deliver(step.topic, messages[0].payload, step.now_s)
+    return Rest(data, runtime.engaged)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

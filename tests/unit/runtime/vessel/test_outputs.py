@@ -1,8 +1,11 @@
+"""None"""
+
+from __future__ import annotations
+
 import numpy as np
 import pytest
 from tests.harness.boat import Steady, cloud, make_pipeline, odometry
 
-from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.app.recording import DecisionHash
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.bus.memory import MemoryBus
@@ -10,6 +13,7 @@ from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Decision
 from twinscrew.runtime.safety.events import LIDAR_STALE, OVERRUN
+from twinscrew.runtime.vessel.outputs import PLACES, Outlet, Wake
 
 OUTPUTS = ("decision", "objects", "tracks", "diagnostics", "thrust_left", "thrust_right")
 
@@ -159,3 +163,42 @@ def test_the_way_that_was_sailed_is_published() -> None:
 def test_nobody_is_told_of_the_way_if_nobody_listens() -> None:
     outlet = Outlet(None, None)
     outlet.record("odometry", b"not even read")
+
+
+# -- The way that was sailed: a place a metre, told once a second.
+
+
+def sail(wake, times_s, speed=2.0):
+    """Go north; give what was told."""
+    payloads = (cdr.encode_odometry(odometry(t, north=speed * t)) for t in times_s)
+    return [told for told in (wake.see(payload) for payload in payloads) if told is not None]
+
+
+def test_it_is_told_once_a_second_with_a_place_a_metre():
+    told = sail(Wake(), np.arange(0.0, 10.0, 0.05))
+    assert len(told) == 10
+    _, places_N = cdr.decode_path(told[-1])
+    np.testing.assert_allclose(np.diff(places_N[:, 0]), 1.0, atol=0.11)
+    assert (places_N[:, 1] == 0.0).all()
+
+
+def test_a_boat_at_rest_leaves_one_place():
+    told = sail(Wake(), np.arange(0.0, 5.0, 0.05), speed=0.0)
+    assert len(cdr.decode_path(told[-1])[1]) == 1
+
+
+def test_a_long_way_keeps_its_end():
+    told = sail(Wake(), np.arange(0.0, 2.0 * PLACES, 1.0))
+    _, places_N = cdr.decode_path(told[-1])
+    assert len(places_N) == PLACES
+    assert places_N[-1, 0] == 2.0 * (2.0 * PLACES - 1)
+
+
+def test_a_clock_set_back_does_not_silence_it():
+    wake = Wake()
+    sail(wake, [100.0])
+    assert len(sail(wake, [10.0, 10.5, 11.1])) == 2
+
+
+def test_what_is_no_odometry_is_passed_over():
+    assert Wake().see(b"nonsense") is None

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from twinscrew.runtime.app.mission import Mission, MissionSettings
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Goal, Odometry
+from twinscrew.runtime.vessel.mission import Mission, MissionSettings
 
 
 def at(north: float, east: float) -> Odometry:

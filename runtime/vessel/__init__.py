@@ -1,0 +1,1 @@
+"""One vessel: everything between its messages and its propellers, and the clocks that drive it."""
