@@ -23,7 +23,7 @@ from twinscrew.hil_sim.supervisor import Result
 from twinscrew.hil_sim.world import World
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.vessel.config import RuntimeConfig
-from twinscrew.runtime.vessel.realtime import RunSummary, nothing_told, read_summary
+from twinscrew.runtime.vessel.summary import RunSummary, read_summary
 
 Progress = Callable[[float, tuple[Result, ...]], None]
 Tell = Callable[[str], None]
@@ -89,7 +89,7 @@ def sail_with_faults(setup: Setup, plan: FaultPlan) -> Sailed:
         result = _voyage(setup, crew).run()
         down = crew.down
     runs = [
-        nothing_told(names[vessel]) if vessel in down else read_summary(folder)
+        RunSummary(name=names[vessel]) if vessel in down else read_summary(folder)
         for vessel, folder in enumerate(folders)
     ]
     return Sailed(result, runs, tuple(verdicts(crew, plans, folders).items()))

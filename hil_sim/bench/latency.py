@@ -12,16 +12,16 @@ from twinscrew.hil_sim.bench.budgets import load_budgets, require
 from twinscrew.hil_sim.bench.numpy_segmentation import labels as numpy_labels
 from twinscrew.hil_sim.bench.scenes import basin, open_water
 from twinscrew.hil_sim.bench.timing import Stopwatch, garbage_at_rest
+from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.errors import TwinscrewError
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.types import Engagement, Odometry, PointCloud
-from twinscrew.runtime.perception.segmentation import Perception
+from twinscrew.runtime.messages.types import Odometry, PointCloud
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.observation import observe
 from twinscrew.runtime.vessel.config import RuntimeConfig
 from twinscrew.runtime.vessel.mission import MissionSettings
-from twinscrew.runtime.vessel.vessel import Controller, make_controller
+from twinscrew.runtime.vessel.vessel import make_vessel
 
 SCANS = 2000
 DIFFERENT = 40
@@ -107,7 +107,7 @@ def stage_names(scans: Scans) -> tuple[str, ...]:
     return tuple(_measure(scans, len(scans)))
 
 
-def _stamped(
+def stamped(
     scans: Scans,
     count: int,
 ) -> list[tuple[int, bytes, bytes]]:
@@ -137,8 +137,9 @@ def _at(message: Any, stamp_ns: int) -> Any:
 
 
 def _time_stages(scans: Scans, count: int, watch: Stopwatch) -> None:
-    controller = make_controller(CONFIG)
-    pipeline = controller.core.pipeline
+    perception = Perception(load_sensor(CONFIG.sensor), CONFIG.perception)
+    vessel = make_vessel(CONFIG)
+    pipeline = vessel.pipeline
     goal = pipeline.mission.goal
     assert goal is not None  # noqa: S101
     thrust = np.array([300.0, 400.0])
@@ -148,11 +149,11 @@ def _time_stages(scans: Scans, count: int, watch: Stopwatch) -> None:
         with watch.time("decode"):
             cloud = cdr.decode_point_cloud(payload)
         with watch.time("project"):
-            pipeline.perception.project(cloud, odometry.q_NB)
+            perception.project(cloud, odometry.q_NB)
         with watch.time("segment"):
-            pipeline.perception.segment()
+            perception.segment()
         with watch.time("objects"):
-            objects = pipeline.perception.objects(stamp_ns)
+            objects = perception.objects(stamp_ns)
         with watch.time("track"):
             tracks = pipeline.tracker.step(objects, _at(odometry, stamp_ns))
         with watch.time("observe"):
@@ -160,22 +161,16 @@ def _time_stages(scans: Scans, count: int, watch: Stopwatch) -> None:
         with watch.time("infer"):
             pipeline.policy.act(seen)
         with watch.time("encode"):
-            controller.link.command(thrust, stamp_ns / 1e9)
+            vessel.link.command(thrust, stamp_ns / 1e9)
 
 
 def _time_steps(scans: Scans, count: int, watch: Stopwatch) -> None:
-    controller = _engaged(make_controller(CONFIG))
-    for stamp_ns, cloud, odometry in _stamped(scans, count):
+    vessel = make_vessel(CONFIG)
+    vessel.engaged = True
+    for stamp_ns, cloud, odometry in stamped(scans, count):
         now_s = stamp_ns / 1e9
-        controller.take_in("odometry", odometry, now_s)
+        vessel.handle(Received("odometry", odometry, 0), now_s)
         with watch.time("step"):
-            handled = controller.take_in("points", cloud, now_s)
-            controller.command(now_s)
-        if handled.decision is None:
-            raise TwinscrewError(f"a scan was not decided on: {handled.events}")
-
-
-def _engaged(controller: Controller) -> Controller:
-    message = cdr.encode_engagement(Engagement(stamp_ns=0, engaged=True))
-    controller.take_in("engagement", message, 0.0)
-    return controller
+            out = vessel.handle(Received("points", cloud, 0), now_s)
+        if out.decision is None:
+            raise TwinscrewError(f"a scan was not decided on: {out.events}")

@@ -17,7 +17,7 @@ from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.vessel.config import RuntimeConfig
-from twinscrew.runtime.vessel.realtime import RunSummary, read_summary
+from twinscrew.runtime.vessel.summary import RunSummary, read_summary
 
 FLEETS = (1, 5)
 SENSOR = "vrx32"

@@ -27,9 +27,10 @@ from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.errors import BusError, LinkError
 from twinscrew.runtime.messages.types import Float64, Odometry
-from twinscrew.runtime.vessel.config import RuntimeConfig
+from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
 from twinscrew.runtime.vessel.lockstep import SERVICE, Orders, Rest, Step, SteppedRuntime
-from twinscrew.runtime.vessel.realtime import RunSummary, inputs_of
+from twinscrew.runtime.vessel.pipeline import Pipeline
+from twinscrew.runtime.vessel.summary import RunSummary
 
 
 class Stepped(Protocol):
@@ -122,8 +123,13 @@ class LockstepCrew(SteppedCrew):
         *,
         epoch_ns: int,
         autopilot: RoverAutopilotSettings | None = None,
+        pipelines: Sequence[Pipeline | None] | None = None,
     ) -> None:
-        self.vessels = [SteppedRuntime(config, epoch_ns=epoch_ns) for config in configs]
+        """Start them; `pipelines` are in place of the configured ones."""
+        self.vessels = [
+            SteppedRuntime(config, epoch_ns=epoch_ns, pipeline=pipeline)
+            for config, pipeline in zip(configs, pipelines or [None] * len(configs), strict=True)
+        ]
         super().__init__(self.vessels, configs, autopilot)
 
 

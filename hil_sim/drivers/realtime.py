@@ -28,8 +28,7 @@ from twinscrew.runtime.link.sockets import UdpTransport
 from twinscrew.runtime.link.transport import open_transport
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Odometry
-from twinscrew.runtime.vessel.config import RuntimeConfig
-from twinscrew.runtime.vessel.realtime import inputs_of
+from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
 
 
 class Fleet(Protocol):

@@ -57,15 +57,14 @@ from twinscrew.runtime.messages.types import (
     PointCloud,
     Tracks,
 )
-from twinscrew.runtime.perception.segmentation import Perception
-from twinscrew.runtime.perception.sensor import Sensor, load_sensor
-from twinscrew.runtime.safety.assurance import Assurance
+from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.safety.assurance import Assurance, AssuranceSettings
 from twinscrew.runtime.safety.events import ASSURANCE_INTERVENED
 from twinscrew.runtime.settings import load, shipped
 from twinscrew.runtime.tracking.tracker import Tracker
 from twinscrew.runtime.vessel.config import RuntimeConfig
-from twinscrew.runtime.vessel.lockstep import SteppedRuntime
 from twinscrew.runtime.vessel.mission import MissionSettings
+from twinscrew.runtime.vessel.pipeline import Pipeline, make_pipeline
 
 POINTS = 100
 """[-] Number of points an ideal object claims to have: more than any stage asks for."""
@@ -105,14 +104,14 @@ def surroundings(world: World, vessel: int, reach_m: float) -> Surroundings:
     return Surroundings(p_N[seen], v_N[seen], radius[seen], np.flatnonzero(seen))
 
 
-class TruePerception(Perception):
+class TruePerception:
     """Finds every object where it is, of its true size; the cloud is not looked at."""
 
-    def __init__(self, sensor: Sensor, world: World, vessel: int) -> None:
-        """See around one vessel of a world, as far as perception is set to."""
-        super().__init__(sensor)
+    def __init__(self, world: World, vessel: int, reach_m: float) -> None:
+        """See around one vessel of a world."""
         self._world = world
         self._vessel = vessel
+        self._reach_m = reach_m
 
     def step(
         self,
@@ -122,7 +121,7 @@ class TruePerception(Perception):
         velocity_B: Float64 | None = None,  # noqa: ARG002
     ) -> Objects:
         """Give the objects around the vessel now; see `Perception.step`."""
-        around = surroundings(self._world, self._vessel, self.settings.max_range_m)
+        around = surroundings(self._world, self._vessel, self._reach_m)
         heading = self._world.state.heading[self._vessel]
         c, s = np.cos(heading), np.sin(heading)
         return Objects(
@@ -163,7 +162,7 @@ class DirectCrew(LockstepCrew):
 
     def thrust_N(self) -> Float64:
         """Give each armed vessel's present command, (V, 2) [N]; see `Crew`."""
-        return np.array([vessel.controller.thrust for vessel in self.vessels])
+        return np.array([runtime.vessel.thrust for runtime in self.vessels])
 
 
 # -- What an experiment must remember: what a vessel touched, how often the assurance stepped in.
@@ -239,7 +238,7 @@ def make_record(
         cause=cause(vessels),
         vessels=vessels,
         encounters=_encounters(world, voyage, task.switches),
-        decisions_sha256=combined_sha256(vessel.outlet.sha256 for vessel in crew.vessels),
+        decisions_sha256=combined_sha256(runtime.publisher.sha256 for runtime in crew.vessels),
         timing=_timing(crew, voyage, wall_s),
     )
 
@@ -266,7 +265,7 @@ def _vessels(
             travel_time_s=round(result.travel_time_s, 3),
             closest_approach_m=_finite(result.closest_approach_m),
             energy_ns=round(float(energy[i]), 1),
-            decisions=crew.vessels[i].outlet.decisions,
+            decisions=crew.vessels[i].publisher.decisions,
             interventions=_interventions(crew, i),
         )
         for i, result in enumerate(voyage.results)
@@ -274,7 +273,7 @@ def _vessels(
 
 
 def _interventions(crew: LockstepCrew, vessel: int) -> int:
-    assurance = crew.vessels[vessel].controller.core.pipeline.assurance
+    assurance = crew.vessels[vessel].vessel.pipeline.assurance
     return assurance.interventions if isinstance(assurance, WitnessAssurance) else 0
 
 
@@ -374,11 +373,9 @@ def _world(scenario: Scenario, task: Task) -> WitnessWorld:
 
 def _crew(world: WitnessWorld, task: Task, folder: Path | None) -> LockstepCrew:
     configs = [_config(task, world.scenario, i, folder) for i in range(world.scenario.vessels)]
+    pipelines = [_pipeline(config, world, i, task) for i, config in enumerate(configs)]
     kind = DirectCrew if "ideal_thrust" in task.switches else LockstepCrew
-    crew = kind(configs, epoch_ns=world.epoch_ns)
-    for i, vessel in enumerate(crew.vessels):
-        _fit_out(vessel, world, i, task)
-    return crew
+    return kind(configs, epoch_ns=world.epoch_ns, pipelines=pipelines)
 
 
 def _config(task: Task, scenario: Scenario, vessel: int, folder: Path | None) -> RuntimeConfig:
@@ -387,29 +384,31 @@ def _config(task: Task, scenario: Scenario, vessel: int, folder: Path | None) ->
         scenario.types[vessel],
         name=name,
         sensor=task.sensor,
-        policy=CLASSICAL[0] if by_chance else task.method.policy,  # `_fit_out` replaces it
-        assurance=unassured(task.switches),
-        mission={"goal_radius_m": scenario.goal_radius},
-        perception=expecting(scenario.types),
-        autopilot={"system_id": vessel + 1, "arm": True, "receiver_fitted": False},
-        recording={
-            "folder": str(folder / name) if folder else "",
-            "about": {"scenario": scenario.name, "seed": str(task.seed)},
-        },
+        policy=CLASSICAL[0] if by_chance else task.method.policy,  # `_pipeline` replaces it
+        assurance=unassured(AssuranceSettings(), task.switches),
+        mission=MissionSettings(goal_radius_m=scenario.goal_radius),
+        autopilot=AutopilotSettings(system_id=vessel + 1, arm=True, receiver_fitted=False),
+        recording=RecordingSettings(
+            folder=str(folder / name) if folder else "",
+            about={"scenario": scenario.name, "seed": str(task.seed)},
+        ),
     )
 
 
-def _fit_out(runtime: SteppedRuntime, world: WitnessWorld, vessel: int, task: Task) -> None:
-    """Replace what no configuration can: chance, a witness, and what switches idealise."""
-    pipeline, config = runtime.controller.core.pipeline, runtime.config
-    pipeline.assurance = WitnessAssurance(config.assurance, config.thrust)
-    if task.method.policy == CHANCE:
-        pipeline.policy = RandomPolicy((task.seed, vessel))
-    reach_m = pipeline.perception.settings.max_range_m
+def _pipeline(config: RuntimeConfig, world: WitnessWorld, vessel: int, task: Task) -> Pipeline:
+    """Make a pipeline with what no configuration can say: chance, a witness, ideal stages."""
+    reach_m, perception, tracker = config.perception.max_range_m, None, None
     if {"ideal_perception", "ideal_tracking"} & set(task.switches):
-        pipeline.perception = TruePerception(pipeline.perception.sensor, world, vessel)
+        perception = TruePerception(world, vessel, reach_m)
     if "ideal_tracking" in task.switches:
-        pipeline.tracker = TrueTracker(world, vessel, reach_m)
+        tracker = TrueTracker(world, vessel, reach_m)
+    return make_pipeline(
+        config,
+        perception=perception,
+        tracker=tracker,
+        policy=RandomPolicy((task.seed, vessel)) if task.method.policy == CHANCE else None,
+        assurance=WitnessAssurance(config.assurance, config.thrust),
+    )
 
 
 def _sail(world: WitnessWorld, crew: LockstepCrew, task: Task) -> VoyageResult:

@@ -13,7 +13,7 @@ from twinscrew.runtime.policy.load import Policy, load_policy
 from twinscrew.runtime.policy.onnx import OnnxPolicy
 from twinscrew.runtime.settings import shipped
 from twinscrew.runtime.vessel.config import RuntimeConfig
-from twinscrew.runtime.vessel.vessel import expected_of_policies
+from twinscrew.runtime.vessel.pipeline import expected_of_policies
 
 SAME = ("training_run", "commit", "created")
 """What a policy file and its card must agree on."""

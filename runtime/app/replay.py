@@ -1,24 +1,23 @@
-"""Replay: what a recording's core took in, taken in again, gives the same decisions."""
+"""Replay: what a recording's vessel took in, taken in again, gives the same decisions."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 
-from twinscrew.runtime.app.recording import DecisionHash, Recorded, Recording
-from twinscrew.runtime.errors import MessageError, RecordingError
+from twinscrew.runtime.app.recording import DecisionHash, Recording
+from twinscrew.runtime.bus.base import Received
+from twinscrew.runtime.errors import RecordingError
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import CORE_INPUTS
-from twinscrew.runtime.messages.types import Engagement, HealthEvent, Severity
+from twinscrew.runtime.messages.types import HealthEvent, Severity
 from twinscrew.runtime.settings import convert
-from twinscrew.runtime.vessel.config import RuntimeConfig, load_config
-from twinscrew.runtime.vessel.own_odometry import SENSED, GpsImuOdometry, OdometrySource
-from twinscrew.runtime.vessel.vessel import Core, make_core
+from twinscrew.runtime.vessel.config import SENSED, RuntimeConfig, load_config
+from twinscrew.runtime.vessel.vessel import Vessel, vessel_for_replay
 
 
 @dataclass(slots=True)
@@ -63,7 +62,7 @@ class Replay:
 def replay(
     recording: Recording, *, config: Path | None = None, policy: str | None = None
 ) -> Replay:
-    """Feed a recording to the core again. It is read once.
+    """Feed a recording to the vessel again. It is read once.
 
     Where GPS and IMU are the configured source of odometry and the recording holds none, it is
     made of them.
@@ -86,26 +85,24 @@ def replay(
         The configuration or the policy cannot be used.
     """
     settings = _settings_of(recording, config, policy)
-    core = _core_of(recording, settings, checked=policy is None)
-    makes_odometry = settings.odometry_source == "gps_imu" and not recording.has("odometry")
-    source = GpsImuOdometry(settings.estimation) if makes_odometry else None
+    vessel = _vessel_of(recording, settings, checked=policy is None)
     recorded, again = DecisionHash(), DecisionHash()
     recorded_count = 0
     refused: dict[str, Refused] = {}
     hashes = [again.hexdigest()]
     if recording.is_foreign and not recording.has("engagement"):  # decide as if the boat were ours
-        core.feed("engagement", cdr.encode_engagement(Engagement(stamp_ns=0, engaged=True)))
+        vessel.engaged = True
     for message in recording.messages((*CORE_INPUTS, *SENSED, "decision")):
         if message.topic == "decision":
             recorded.add(message.payload)
             recorded_count += 1
             continue
-        for topic, payload in _fed(message, source):
-            outcome = core.feed(topic, payload)
-            _count(refused, outcome.events)
-            if outcome.decision is not None:
-                again.add(cdr.encode_decision(outcome.decision))
-                hashes.append(again.hexdigest())
+        out = vessel.handle(Received(message.topic, message.payload, 0), 0.0)
+        made = () if out.decision is None else out.decision.events
+        _count(refused, (event for event in out.events if event not in made))
+        if out.decision is not None:
+            again.add(cdr.encode_decision(out.decision))
+            hashes.append(again.hexdigest())
     return Replay(
         vessel=recording.vessel,
         decisions=len(hashes) - 1,
@@ -133,17 +130,6 @@ def _count(refused: dict[str, Refused], events: Iterable[HealthEvent]) -> None:
             refused.setdefault(event.name, Refused(0, event.detail)).count += 1
 
 
-def _fed(message: Recorded, source: OdometrySource | None) -> Iterator[tuple[str, bytes]]:
-    """Give what the core takes in of a message; `source` makes odometry of GPS and IMU, if any."""
-    if message.topic not in SENSED:
-        if message.topic == "points" and source is not None:
-            yield from (("odometry", payload) for payload in source.payloads())
-        yield message.topic, message.payload
-    elif source is not None:
-        with suppress(MessageError):  # on the boat, a health event
-            source.sense(message.topic, message.payload)
-
-
 def _settings_of(recording: Recording, config: Path | None, policy: str | None) -> RuntimeConfig:
     if config is not None:
         settings = load_config(config)
@@ -156,14 +142,14 @@ def _settings_of(recording: Recording, config: Path | None, policy: str | None) 
     return convert(values, RuntimeConfig, file=recording.path)
 
 
-def _core_of(recording: Recording, settings: RuntimeConfig, *, checked: bool) -> Core:
-    """Make the core; if `checked`, only with the very policy of the recording."""
-    core = make_core(settings)
+def _vessel_of(recording: Recording, settings: RuntimeConfig, *, checked: bool) -> Vessel:
+    """Make the vessel; if `checked`, only with the very policy of the recording."""
+    vessel = vessel_for_replay(settings, has_odometry=recording.has("odometry"))
     expected = recording.metadata.get("policy_sha256", "")
-    found = getattr(core.pipeline.policy, "sha256", "")
+    found = getattr(vessel.pipeline.policy, "sha256", "")
     if checked and expected and found != expected:
         raise RecordingError(
             f"{recording.path}: made with a policy of SHA-256 {expected[:12]}..., but "
             f"{settings.policy} is now {found[:12]}...; name the file with --policy"
         )
-    return core
+    return vessel

@@ -8,6 +8,7 @@ started again.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -17,8 +18,7 @@ from twinscrew.runtime.link.orders import GoTo, Halt, Order, Relative, Sail, Way
 from twinscrew.runtime.link.stations import Stations
 from twinscrew.runtime.link.wire import Message
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.types import Float64, Goal
-from twinscrew.runtime.vessel.vessel import Core
+from twinscrew.runtime.messages.types import Float64, Goal, Odometry
 
 Feed = Callable[[str, bytes], None]
 """Takes a topic and a payload: hands them to the core, and keeps them for a replay."""
@@ -26,12 +26,26 @@ SAME_M = 0.01
 """[m] A goal this near the last one is the same one, sent again."""
 
 
+class Progress(Protocol):
+    """The goals that the vessel heads for, whoever ordered them."""
+
+    orders: int
+    """[-] Counts the orders."""
+
+    @property
+    def reached(self) -> int:
+        """[-] How many goals of the last order have been reached."""
+
+
 class StationGoals:
     """Hands orders to the core, and watches the mission that they began."""
 
-    def __init__(self, stations: Stations, core: Core) -> None:
+    def __init__(
+        self, stations: Stations, goals: Progress, odometry: Callable[[], Odometry | None]
+    ) -> None:
         self._stations = stations
-        self._core = core
+        self._goals = goals
+        self._odometry = odometry
         self._sailing: Sail | None = None
         self._order = -1
         self._reached = 0
@@ -56,11 +70,11 @@ class StationGoals:
     @property
     def _is_ours(self) -> bool:
         """Whether the last order that the core took is the one that we gave."""
-        return self._core.pipeline.mission.orders == self._order
+        return self._goals.orders == self._order
 
     def _follow(self, way: tuple[Waypoint, ...]) -> None:
         """Note which places were reached."""
-        mission, reached = self._stations.server.mission, self._core.pipeline.mission.reached
+        mission, reached = self._stations.server.mission, self._goals.reached
         new, self._reached = way[self._reached : reached], reached
         if not new:
             return
@@ -107,7 +121,7 @@ class StationGoals:
         place = np.array([order.x_m, order.y_m])
         if order.relative is Relative.ORIGIN:
             return place
-        odometry = self._core.odometry
+        odometry = self._odometry()
         if odometry is None:
             return None
         if order.relative is Relative.BOW:
@@ -117,7 +131,7 @@ class StationGoals:
 
     def _give(self, topic: str, payload: bytes, feed: Feed) -> None:
         feed(topic, payload)
-        self._order = self._core.pipeline.mission.orders
+        self._order = self._goals.orders
 
 
 def _apart_m(a: Float64, b: Float64) -> float:

@@ -15,6 +15,7 @@ from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import MessageError
+from twinscrew.runtime.estimation.estimator import Estimator
 from twinscrew.runtime.link.authority import AskManual
 from twinscrew.runtime.link.autopilot import AutopilotLink
 from twinscrew.runtime.link.transport import open_transport
@@ -22,9 +23,7 @@ from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.header import read_stamp
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.wire import Reader
-from twinscrew.runtime.vessel.config import RuntimeConfig, autopilot_of
-from twinscrew.runtime.vessel.own_odometry import SENSED, GpsImuOdometry
-from twinscrew.runtime.vessel.realtime import inputs_of
+from twinscrew.runtime.vessel.config import SENSED, RuntimeConfig, autopilot_of, inputs_of
 
 ODOMETRY_BYTES = 4096
 """[B] More of an odometry message is not kept: whole ones have some 700."""
@@ -52,8 +51,7 @@ def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False)
             write_parameters=write_params,
         )
     )
-    transport = open_transport(config.autopilot.connection, link.recognises)
-    estimate = GpsImuOdometry(config.estimation) if config.odometry_source == "gps_imu" else None
+    estimate = Estimator(config.estimation) if config.odometry_source == "gps_imu" else None
     topics = tuple(topic for topic in inputs_of(config) if TOPICS[topic].rate_hz > 0)
     try:
         inbox.listen(bus, topics)
@@ -89,14 +87,20 @@ def keep(heard: list[Heard], topic: str, new: Heard) -> None:
 
 
 def _estimate(
-    source: GpsImuOdometry | None, message: Received, heard: dict[str, list[Heard]]
+    estimator: Estimator | None, message: Received, heard: dict[str, list[Heard]]
 ) -> None:
     """Let GPS and IMU become odometry, as they will when the boat sails."""
-    if source is not None and message.topic in SENSED:
-        with suppress(MessageError):  # its content is judged elsewhere
-            source.sense(message.topic, message.payload)
-        now_s = time.monotonic()
-        heard["odometry"] += [Heard(payload, now_s, None) for payload in source.payloads()]
+    if estimator is None or message.topic not in SENSED:
+        return
+    with suppress(MessageError):  # its content is judged elsewhere
+        if message.topic == "gps":
+            estimator.fix(cdr.decode_fix(message.payload))
+        else:
+            odometry = estimator.imu(cdr.decode_imu(message.payload))
+            if odometry is not None:
+                payload = cdr.encode_odometry(odometry)
+                heard["odometry"].append(Heard(payload, time.monotonic(), None))
+    estimator.take_events()
 
 
 def _heard(message: Received, came_s: float) -> Heard:

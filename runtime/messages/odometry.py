@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -81,6 +82,24 @@ def encode_odometry(
         *flu_to_frd(odometry.rates_B).tolist(),
     )
     return writer.payload()
+
+
+def as_read_back(odometry: Odometry) -> Odometry:
+    """Give odometry as `decode_odometry` reads it from `encode_odometry`, to the last bit.
+
+    An attitude is rounded when it is turned to ENU and FLU and back; all else stays as it is. So
+    whoever encodes odometry of its own need not decode it again to decide as a replay will.
+
+    Raises
+    ------
+    MessageError
+        A number is not finite or absurd: the message would be refused.
+    """
+    parts = (odometry.position_N, odometry.q_NB, odometry.velocity_B, odometry.rates_B)
+    reader = Reader(b"\x00\x01\x00\x00", ODOMETRY_TYPE)
+    check_numbers(reader, (number for part in parts for number in part.tolist()))
+    q = attitude_enu_flu_to_ned_frd(unit(reader, *attitude_ned_frd_to_enu_flu(odometry.q_NB)))
+    return replace(odometry, q_NB=q)
 
 
 def decode_goal(payload: bytes | memoryview) -> Goal:

@@ -6,7 +6,7 @@ config/runtime.toml shows every key with its default, unit and meaning.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 from msgspec import Meta
@@ -27,10 +27,12 @@ from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.settings import Settings, convert, read_toml
 from twinscrew.runtime.tracking.tracker import TrackerSettings
-from twinscrew.runtime.vessel.inputs import OdometryBufferSettings
+from twinscrew.runtime.vessel.inputs import AlignmentSettings, OdometryBufferSettings
 from twinscrew.runtime.vessel.mission import MissionSettings
-from twinscrew.runtime.vessel.own_odometry import AlignmentSettings
 from twinscrew.runtime.vessel.process import PrioritySettings
+
+SENSED: Final = ("gps", "imu")
+"""The topics that odometry is made of, with `odometry_source = "gps_imu"`."""
 
 
 class IntegritySettings(Settings, frozen=True):
@@ -90,6 +92,14 @@ class RuntimeConfig(Settings, frozen=True):
             raise ValueError(f"thrust.max_n must be in [0, {paddles.ahead_N:g}] N")
         if self.ground.vessels_hz > 0.0 and self.autopilot.datum is None:
             raise ValueError("ground.vessels_hz needs autopilot.datum: vessels lie on the earth")
+
+
+def inputs_of(config: RuntimeConfig) -> tuple[str, ...]:
+    """Give the topics that a runtime listens to."""
+    if config.odometry_source == "bus":
+        return ("points", "odometry", "goal", "route")
+    sensed = SENSED if config.odometry_source == "gps_imu" else ()
+    return ("points", "goal", "route", *sensed)
 
 
 def sensor_of(config: RuntimeConfig) -> Sensor:

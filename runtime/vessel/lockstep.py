@@ -1,8 +1,14 @@
 """One vessel's runtime that moves only when it is told to: for simulated time.
 
-The same controller, outlet and recorder as on the boat, with the same bytes in and out; only the
-sockets and the clock are missing. A simulator steps it in its own process, or in another one
-(`stepped_process`), to the same decisions.
+The same vessel, publisher and recorder as on the boat, with the same bytes in and out; only the
+sockets and the clock are missing. A simulator steps it in its own process (`SteppedRuntime`), or in
+another one that it leads over Zenoh, to the same decisions:
+
+    python -m twinscrew.runtime.vessel.lockstep     with an `Orders` in MessagePack as its input
+
+There sensor messages come by their topics, as on the boat. Then the leader asks by a question to
+take in one of them, or hands over the autopilot's bytes, with the time; the answer carries what the
+runtime sends to the autopilot, and says that it has come to rest.
 """
 
 from __future__ import annotations
@@ -10,110 +16,101 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import msgspec
 
 from twinscrew.runtime.app.recorder import Recorder
-from twinscrew.runtime.bus.inbox import Inbox
-from twinscrew.runtime.bus.steps import Answerer
-from twinscrew.runtime.bus.zenoh import ZenohBus
+from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.errors import BusError, TwinscrewError
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND
-from twinscrew.runtime.vessel.config import RuntimeConfig, sensor_of
-from twinscrew.runtime.vessel.outputs import Frames, Outlet
-from twinscrew.runtime.vessel.realtime import RunSummary, inputs_of, metadata_of
-from twinscrew.runtime.vessel.summary import Latencies
-from twinscrew.runtime.vessel.vessel import make_controller
+from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of, sensor_of
+from twinscrew.runtime.vessel.outputs import Publisher
+from twinscrew.runtime.vessel.pipeline import Pipeline
+from twinscrew.runtime.vessel.summary import Latencies, RunSummary, metadata_of
+from twinscrew.runtime.vessel.vessel import make_vessel
+
+if TYPE_CHECKING:
+    from twinscrew.runtime.bus.inbox import Inbox
+
+SERVICE: Final = "lockstep"
+ON_ITS_WAY_S: Final = 30.0
+"""[s] A message that was announced may take so long to arrive."""
+LEADERLESS_S: Final = 120.0
+"""[s] Without a step for so long the leader is taken for dead."""
+USAGE_ERROR: Final = 2
 
 
 class SteppedRuntime:
-    """One vessel's runtime, without sockets and clock."""
+    """One vessel's runtime, without sockets and clock.
 
-    def __init__(self, config: RuntimeConfig, *, epoch_ns: int) -> None:
-        """Assemble it.
+    Parameters
+    ----------
+    config
+        The vessel's configuration; what it says of connections is not used.
+    epoch_ns
+        [ns] The simulation's begin, for the recording's log times.
+    pipeline
+        In place of the configured one (`make_pipeline`).
+    """
 
-        Parameters
-        ----------
-        config
-            The vessel's configuration; what it says of connections is not used.
-        epoch_ns
-            [ns] The simulation's begin, for the recording's log times.
-        """
+    def __init__(
+        self, config: RuntimeConfig, *, epoch_ns: int, pipeline: Pipeline | None = None
+    ) -> None:
         self.config = config
-        self.controller = make_controller(config, looks_first=False)
+        self.vessel = make_vessel(config, pipeline=pipeline, looks_first=False)
         self.latencies = Latencies()
         self._inputs = inputs_of(config)
         self._epoch_ns = epoch_ns
         self._now_s = 0.0
         self._recorder = self._open_recorder()
-        self.outlet = Outlet(
+        self.publisher = Publisher(
             None,
             self._recorder,
             vessel=config.name,
-            frames=Frames(sensor_of(config)),
+            sensor=sensor_of(config),
             clock_ns=self._log_time,
         )
 
     @property
     def engaged(self) -> bool:
         """Whether the policy has the propellers."""
-        return self.controller.engaged
+        return self.vessel.engaged
 
     def deliver(self, topic: str, payload: bytes, now_s: float) -> bytes:
         """Take in a message, and give the MAVLink bytes that it makes us send at once."""
         if topic not in self._inputs:
             return b""
-        sent = self._own_odometry(now_s) if topic == "points" else []
-        return b"".join([*sent, self._feed(topic, payload, now_s)])
+        self._now_s = now_s
+        begin_ns = time.perf_counter_ns()
+        out = self.vessel.handle(Received(topic, payload, 0), now_s)
+        if out.decision is not None:
+            self.latencies.add((time.perf_counter_ns() - begin_ns) / 1e6)
+            self.vessel.report.decided(out.decision, 0.0, now_s)  # in simulated time, at once
+        self.publisher.publish(out)
+        return out.mavlink
 
     def exchange(self, data: bytes, now_s: float) -> bytes:
         """Take in MAVLink bytes, and give those that answer them."""
         self._now_s = now_s
-        controller = self.controller
-        controller.from_autopilot(data, now_s)
-        sent = self._own_odometry(now_s)
-        engagement, events = controller.supervise(now_s)
-        if engagement is not None:
-            self.outlet.record("engagement", engagement)
-            controller.take_in("engagement", engagement, now_s)
-        self.outlet.happened(events)
-        return b"".join([*sent, controller.command(now_s)])
+        self.publisher.publish(self.vessel.receive(data, now_s))
+        out = self.vessel.tick(now_s)
+        self.publisher.publish(out)
+        return out.mavlink
 
     def summary(self) -> RunSummary:
         """Say what happened so far."""
         return RunSummary(
             name=self.config.name,
-            decisions=self.outlet.decisions,
-            decisions_sha256=self.outlet.sha256,
+            decisions=self.publisher.decisions,
+            decisions_sha256=self.publisher.sha256,
             latency_ms=self.latencies.summary().as_dict(),
-            wire_latency_ms=Latencies().summary().as_dict(),
-            overruns=0,
-            passed_over={},
-            unrecorded=0,
         )
 
     def close(self) -> None:
         """Finish the recording."""
         if self._recorder is not None:
             self._recorder.close()
-
-    def _own_odometry(self, now_s: float) -> list[bytes]:
-        return [self._feed("odometry", own, now_s) for own in self.controller.own_odometry()]
-
-    def _feed(self, topic: str, payload: bytes, now_s: float) -> bytes:
-        self._now_s = now_s
-        begin_ns = time.perf_counter_ns()
-        self.outlet.record(topic, payload)
-        handled = self.controller.take_in(topic, payload, now_s)
-        command = b""
-        if handled.decision is not None:
-            command = self.controller.command(now_s)
-            self.latencies.add((time.perf_counter_ns() - begin_ns) / 1e6)
-            why = self.controller.explain(handled.decision) if self.outlet.is_told else None
-            self.outlet.decided(handled.decision, self.controller.thrust, why)
-        self.outlet.happened(handled.events)
-        return command
 
     def _log_time(self) -> int:
         return self._epoch_ns + round(self._now_s * NANOSECONDS_PER_SECOND)
@@ -124,24 +121,8 @@ class SteppedRuntime:
             return None
         path = Path(folder)
         path.mkdir(parents=True, exist_ok=True)
-        metadata = metadata_of(self.config, self.controller.core.pipeline.policy)
+        metadata = metadata_of(self.config, self.vessel.pipeline.policy)
         return Recorder(path / "recording", self.config.name, metadata, lossless=True)
-
-
-# -- A stepped runtime in a process of its own, led over Zenoh.
-#
-# Sensor messages come by their topics, as on the boat. Then the leader says by a question which of
-# them it is the turn of, or hands over the autopilot's bytes, with the time; the answer carries what
-# the runtime sends to the autopilot, and says that it has come to rest.
-#
-#     python -m twinscrew.runtime.vessel.lockstep     with an `Orders` in MessagePack as its input
-
-SERVICE: Final = "lockstep"
-ON_ITS_WAY_S: Final = 30.0
-"""[s] A message that was announced may take so long to arrive."""
-LEADERLESS_S: Final = 120.0
-"""[s] Without a step for so long the leader is taken for dead."""
-USAGE_ERROR: Final = 2
 
 
 class Orders(msgspec.Struct, frozen=True):
@@ -162,7 +143,7 @@ class Step(msgspec.Struct, frozen=True):
     data: bytes = b""
     """From the autopilot."""
     last: bool = False
-    """Close everything: the voyage has ended."""
+    """Close everything: the simulation has ended."""
 
 
 class Rest(msgspec.Struct, frozen=True):
@@ -189,6 +170,11 @@ def main() -> int:
 
 def follow(orders: Orders) -> None:
     """Do what the leader says, step by step."""
+    # Zenoh takes a while to import: who steps a runtime in its own process needs none.
+    from twinscrew.runtime.bus.inbox import Inbox
+    from twinscrew.runtime.bus.steps import Answerer
+    from twinscrew.runtime.bus.zenoh import ZenohBus
+
     config = orders.config
     runtime = SteppedRuntime(config, epoch_ns=orders.epoch_ns)
     bus = ZenohBus(config.bus, config.name)

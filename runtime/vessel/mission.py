@@ -1,4 +1,4 @@
-"""The goals, one after another."""
+"""The mission: goals that the vessel heads for, one after another."""
 
 from __future__ import annotations
 
@@ -9,7 +9,12 @@ import numpy as np
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64, Goal, HealthEvent, Odometry
-from twinscrew.runtime.safety.events import GOAL_REACHED, GOAL_SET, WAYPOINT_REACHED
+from twinscrew.runtime.safety.events import (
+    GOAL_MISSING,
+    GOAL_REACHED,
+    GOAL_SET,
+    WAYPOINT_REACHED,
+)
 from twinscrew.runtime.settings import Positive, Settings
 
 
@@ -25,7 +30,7 @@ class MissionSettings(Settings, frozen=True):
 
 
 class Mission:
-    """Knows the present goal, and when it is reached."""
+    """Holds the goals of the last order, and notes which of them are reached."""
 
     def __init__(self, settings: MissionSettings | None = None) -> None:
         self._settings = settings or MissionSettings()
@@ -37,11 +42,18 @@ class Mission:
         self.orders = 0
         """[-] Counts the orders: whoever gave the last one knows by it whether it still holds."""
         self.arrived = False
+        """Whether the last goal is reached."""
+        self._was_missing = False
 
     @property
     def goal(self) -> Goal | None:
         """The goal to head for, reached or not; None if there is none."""
         return self._goals[self._index] if self._goals else None
+
+    @property
+    def target(self) -> Goal | None:
+        """The goal that is not reached yet; None if there is none."""
+        return None if self.arrived else self.goal
 
     @property
     def reached(self) -> int:
@@ -64,10 +76,12 @@ class Mission:
         return GOAL_SET.at(stamp_ns, f"{len(self._goals)} in a row, {where}")
 
     def step(self, odometry: Odometry) -> HealthEvent | None:
-        """Look where the vessel is; give an event when it reaches a goal."""
-        if self.goal is None:
-            return None
-        distance = float(np.hypot(*(self.goal.position_N - odometry.position_N[:2])))
+        """Look where the vessel is; give an event when it reaches a goal, or has none any more."""
+        goal, was_missing = self.goal, self._was_missing
+        self._was_missing = goal is None
+        if goal is None:
+            return None if was_missing else GOAL_MISSING.at(odometry.stamp_ns)
+        distance = float(np.hypot(*(goal.position_N - odometry.position_N[:2])))
         radius = self._settings.goal_radius_m
         if self.arrived:
             drifted = self._settings.hold_station and distance > 2.0 * radius

@@ -1,20 +1,21 @@
-"""The way that the vessel has sailed, thinned out, for those who look on."""
+"""What a vessel gives for every message and tick, and where it goes: bus, recorder, hash."""
 
 from __future__ import annotations
 
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
-from typing import Final
+from dataclasses import dataclass, field
+from typing import Any, Final
 
 import numpy as np
 
 from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.app.recording import DecisionHash
 from twinscrew.runtime.bus.base import Bus
-from twinscrew.runtime.errors import BusError, MessageError
+from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.geometry.frames import flu_to_frd, quaternion_from_euler
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.header import VESSEL_FRAME
@@ -25,100 +26,64 @@ from twinscrew.runtime.messages.types import (
     Explanation,
     Float64,
     HealthEvent,
+    Odometry,
 )
 from twinscrew.runtime.perception.sensor import Sensor
 from twinscrew.runtime.safety.events import STATE_NOW
+from twinscrew.runtime.safety.guard import NEUTRAL
 
-APART_M: Final = 1.0
-"""[m] Between two places of the way."""
-PLACES: Final = 1000
+STATE_EVERY_NS: Final = NANOSECONDS_PER_SECOND
+"""[ns] How often the state is published while it stays as it is."""
+PATH_STEP_M: Final = 1.0
+"""[m] Between two places of the path."""
+PATH_PLACES: Final = 1000
 """[-] The last so many are kept: a kilometre."""
-EVERY_NS: Final = NANOSECONDS_PER_SECOND
-"""[ns] How often it is told (`TOPICS["path"]`)."""
+PATH_EVERY_NS: Final = NANOSECONDS_PER_SECOND
+"""[ns] How often the path is published (`TOPICS["path"]`)."""
 
 
-class Wake:
-    """Follows the odometry that comes in."""
+@dataclass(slots=True)
+class Taken:
+    """A message that the vessel took in, to be recorded."""
 
-    def __init__(self) -> None:
-        self._places: deque[tuple[float, float]] = deque(maxlen=PLACES)
-        self._told_ns: int | None = None
-
-    def see(self, payload: bytes) -> bytes | None:
-        """Look at an odometry message; gives the path to tell now and then, else None."""
-        try:
-            odometry = cdr.decode_odometry(payload)
-        except MessageError:  # the core says so
-            return None
-        north, east, _ = odometry.position_N.tolist()
-        if not self._places or math.dist(self._places[-1], (north, east)) >= APART_M:
-            self._places.append((north, east))
-        stamp_ns, told_ns = odometry.stamp_ns, self._told_ns
-        if told_ns is not None and 0 <= stamp_ns - told_ns < EVERY_NS:
-            return None
-        self._told_ns = stamp_ns
-        return cdr.encode_path(np.array(self._places), stamp_ns=stamp_ns)
+    topic: str
+    payload: bytes
+    message: Any = None
+    """The same, decoded; None if it could not be read, or nobody needs it."""
+    made_here: bool = False
+    """Whether nobody else publishes it: the vessel's own odometry, engagement."""
 
 
-# -- Where the frames are, so that RViz and Foxglove draw a recording in one picture.
-#
-# Recorded only, never published: a boat or a VRX has its own publisher of /tf.
+@dataclass(slots=True)
+class Outputs:
+    """What came of a message, or of a tick."""
+
+    mavlink: bytes = b""
+    """Bytes for the autopilot, to be sent first."""
+    messages: list[Taken] = field(default_factory=list)
+    """What was taken in, in this order."""
+    events: list[HealthEvent] = field(default_factory=list)
+    """What an operator should know, the decision's own events among it."""
+    decision: Decision | None = None
+    """The decision, if the message was a scan that could be used."""
+    thrust: Float64 = field(default_factory=lambda: NEUTRAL)
+    """[N] (2,) What `mavlink` asks of the propellers, left and right."""
 
 
-class Frames:
-    """Follows the vessel's pose and the LiDAR's frame through the messages that come in."""
+class Publisher:
+    """Publishes and records outputs; counts and hashes the decisions.
 
-    def __init__(self, sensor: Sensor) -> None:
-        self._sensor = sensor
-        self._lidar: Transform | None = None
-
-    def see(self, topic: str, payload: bytes) -> bytes | None:
-        """Look at a message; gives the transforms to record after odometry, else None."""
-        try:
-            if topic == "points" and self._lidar is None:
-                self._lidar = self._mount(cdr.decode_point_cloud(payload).frame_id)
-            if topic != "odometry":
-                return None
-            odometry = cdr.decode_odometry(payload)
-        except MessageError:  # the core says so
-            return None
-        frames = [vessel_transform(odometry)]
-        if self._lidar is not None:
-            frames.append(self._lidar)
-        return cdr.encode_transforms(frames, stamp_ns=odometry.stamp_ns)
-
-    def _mount(self, frame_id: str) -> Transform | None:
-        """Give the LiDAR's frame in the vessel's; both FLU."""
-        mount = self._sensor.mount
-        if mount is None or frame_id in ("", VESSEL_FRAME):
-            return None
-        q = quaternion_from_euler(mount.roll_rad, mount.pitch_rad, mount.yaw_rad)
-        x, y, z = flu_to_frd(self._sensor.mount_position_B).tolist()
-        return Transform(VESSEL_FRAME, frame_id, (x, y, z), tuple(q.tolist()))
-
-
-# -- Where everything that a vessel's runtime tells goes: the bus, the recorder, the hash.
-
-STATE_EVERY_NS = NANOSECONDS_PER_SECOND
-"""[ns] How often the state is told while it stays as it is."""
-
-
-class Losses:
-    """Remembers which losses were told, so that a flood of them is not a flood of words."""
-
-    def __init__(self) -> None:
-        self._told = 0
-
-    def grew(self, count: int) -> bool:
-        """Tell whether losses have begun, or doubled since they were told."""
-        if count < max(1, 2 * self._told):
-            return False
-        self._told = count
-        return True
-
-
-class Outlet:
-    """Publishes and records; counts and hashes the decisions."""
+    Parameters
+    ----------
+    bus, recorder
+        Where to; either may be missing.
+    vessel
+        Whose health events these are.
+    sensor
+        The LiDAR, whose place on the vessel is recorded; None to record no transforms.
+    clock_ns
+        [ns] Gives the recording's log times; replays do not depend on them.
+    """
 
     def __init__(
         self,
@@ -126,96 +91,54 @@ class Outlet:
         recorder: Recorder | None,
         *,
         vessel: str = "",
-        frames: Frames | None = None,
+        sensor: Sensor | None = None,
         clock_ns: Callable[[], int] = time.time_ns,
     ) -> None:
-        """Tell things to a bus and a recorder, either of which may be missing.
-
-        Parameters
-        ----------
-        vessel
-            Whose health events these are.
-        frames
-            Follows where the frames are; None to record no transforms.
-        clock_ns
-            [ns] Gives the recording's log times; replays do not depend on them.
-        """
         self.decisions = 0
         self._bus = bus
         self._recorder = recorder
         self._vessel = vessel
-        self._frames = frames
+        self._frames = None if sensor is None else Frames(sensor)
         self._clock_ns = clock_ns
         self._hash = DecisionHash()
-        self._wake = Wake()
-        self._state_told_ns: int | None = None
+        self._path = SailedPath()
+        self._state_ns: int | None = None
         self._recorder_losses, self._bus_losses = Losses(), Losses()
+        self._is_heard = bus is not None or recorder is not None
 
     @property
     def sha256(self) -> str:
         """SHA-256 over the encoded decisions so far."""
         return self._hash.hexdigest()
 
-    def record(self, topic: str, payload: bytes) -> None:
-        """Keep a core input, before the core gets it, and tell the way that was sailed."""
-        if self._recorder is not None:
-            self._recorder.record(topic, payload, self._clock_ns())
-            transforms = self._frames.see(topic, payload) if self._frames else None
-            if transforms is not None:
-                self._recorder.record("transforms", transforms, self._clock_ns())
-        if topic == "odometry" and self.is_told:
-            path = self._wake.see(payload)
-            if path is not None:
-                self._tell("path", path)
+    def publish(self, out: Outputs) -> None:
+        """Publish and record what came of a message or a tick."""
+        for taken in out.messages:
+            self._take(taken)
+        if out.decision is not None:
+            self._decide(out.decision, out.thrust)
+        self.report(out.events)
 
-    def own_odometry(self, payload: bytes) -> None:
-        """Keep odometry that came from the autopilot, and publish it: nobody else does."""
-        self.record("odometry", payload)
-        self._publish("odometry", payload)
-
-    def engaged(self, payload: bytes) -> None:
-        """Tell that the right to drive changed; it is a core input too, so tell it first."""
-        self._tell("engagement", payload)
-
-    def decided(
-        self, decision: Decision, thrust: Float64, explanation: Explanation | None = None
-    ) -> None:
-        """Tell a decision, why it was made, what it was made of, and the thrust."""
-        payload = cdr.encode_decision(decision)
-        self._hash.add(payload)
-        self.decisions += 1
-        if not self.is_told:
-            return
-        self._tell("decision", payload)
-        if explanation is not None:
-            self._tell("explanation", cdr.encode_explanation(explanation))
-        self._tell("objects", cdr.encode_object_markers(decision.objects))
-        self._tell("tracks", cdr.encode_track_markers(decision.tracks))
-        self.thrust(thrust)
-
-    def happened(self, events: tuple[HealthEvent, ...]) -> None:
-        """Tell health events."""
-        if events:
+    def report(self, events: Iterable[HealthEvent]) -> None:
+        """Publish and record health events."""
+        events = tuple(events)
+        if events and self._is_heard:
             stamp_ns = max(event.stamp_ns for event in events)
             payload = cdr.encode_diagnostics(events, stamp_ns=stamp_ns, hardware_id=self._vessel)
-            self._tell("diagnostics", payload)
+            self._put("diagnostics", payload)
 
-    def state(self, state: str, stamp_ns: int, autopilot: str = "") -> None:
-        """Tell the vessel's state once a second: who begins to look has not heard of its change.
-
-        With it goes what is known of the autopilot, in words.
-        """
-        now_ns, told_ns = self._clock_ns(), self._state_told_ns
-        if told_ns is None or not 0 <= now_ns - told_ns < STATE_EVERY_NS:
-            self._state_told_ns = now_ns
-            known = (AUTOPILOT_NOW.at(stamp_ns, autopilot),) if autopilot else ()
-            self.happened((STATE_NOW.at(stamp_ns, state), *known))
+    def state(self, state: str, stamp_ns: int) -> None:
+        """Publish the state once a second: who begins to listen has not received its change."""
+        now_ns, last_ns = self._clock_ns(), self._state_ns
+        if last_ns is None or not 0 <= now_ns - last_ns < STATE_EVERY_NS:
+            self._state_ns = now_ns
+            self.report((STATE_NOW.at(stamp_ns, state),))
 
     def thrust(self, thrust: Float64) -> None:
-        """Tell what the propellers are asked for: a VRX takes it from here."""
-        left, right = (float(side) for side in thrust)
-        self._tell("thrust_left", cdr.encode_thrust(left))
-        self._tell("thrust_right", cdr.encode_thrust(right))
+        """Publish what the propellers are asked for: a VRX takes it from here."""
+        left, right = thrust.tolist()
+        self._put("thrust_left", cdr.encode_thrust(left))
+        self._put("thrust_right", cdr.encode_thrust(right))
 
     def recorder_trouble(self) -> str | None:
         """Say what the recorder has lost: when it begins, and each time the loss has doubled."""
@@ -231,17 +154,99 @@ class Outlet:
             return None
         return ", ".join(f"{count} {what}" for what, count in missing.items())
 
-    @property
-    def is_told(self) -> bool:
-        """Whether anybody is told anything."""
-        return self._bus is not None or self._recorder is not None
+    def _take(self, taken: Taken) -> None:
+        """Record a message that was taken in, and what is drawn from odometry."""
+        if not self._is_heard:
+            return
+        if taken.made_here:
+            self._put(taken.topic, taken.payload)
+        else:
+            self._record(taken.topic, taken.payload)
+        if isinstance(taken.message, Odometry):
+            if self._recorder is not None and self._frames is not None:
+                self._record("transforms", self._frames.encoded(taken.message))
+            path = self._path.step(taken.message)
+            if path is not None:
+                self._put("path", path)
+        elif taken.topic == "points" and self._frames is not None and taken.message is not None:
+            self._frames.see(taken.message.frame_id)
 
-    def _tell(self, topic: str, payload: bytes) -> None:
-        self._publish(topic, payload)
+    def _decide(self, decision: Decision, thrust: Float64) -> None:
+        payload = cdr.encode_decision(decision)
+        self._hash.add(payload)
+        self.decisions += 1
+        if self._is_heard:
+            self._put("decision", payload)
+            self._put("objects", cdr.encode_object_markers(decision.objects))
+            self._put("tracks", cdr.encode_track_markers(decision.tracks))
+            self.thrust(thrust)
+
+    def _put(self, topic: str, payload: bytes) -> None:
+        if self._bus is not None:
+            with suppress(BusError):  # a broken bus must not stop the loop, nor can it carry news
+                self._bus.publish(topic, payload)
+        self._record(topic, payload)
+
+    def _record(self, topic: str, payload: bytes) -> None:
         if self._recorder is not None:
             self._recorder.record(topic, payload, self._clock_ns())
 
-    def _publish(self, topic: str, payload: bytes) -> None:
-        if self._bus is not None:
-            with suppress(BusError):  # a broken bus must not stop the loop: it cannot be told by it
-                self._bus.publish(topic, payload)
+
+class Losses:
+    """Remembers which losses were reported, so that a flood of them is no flood of reports."""
+
+    def __init__(self) -> None:
+        self._reported = 0
+
+    def grew(self, count: int) -> bool:
+        """Tell whether losses have begun, or doubled since they were reported."""
+        if count < max(1, 2 * self._reported):
+            return False
+        self._reported = count
+        return True
+
+
+class SailedPath:
+    """The way that the vessel has gone, thinned out, for displays."""
+
+    def __init__(self) -> None:
+        self._places: deque[tuple[float, float]] = deque(maxlen=PATH_PLACES)
+        self._last_ns: int | None = None
+
+    def step(self, odometry: Odometry) -> bytes | None:
+        """Follow the odometry; gives the encoded path once a second, else None."""
+        north, east, _ = odometry.position_N.tolist()
+        if not self._places or math.dist(self._places[-1], (north, east)) >= PATH_STEP_M:
+            self._places.append((north, east))
+        stamp_ns, last_ns = odometry.stamp_ns, self._last_ns
+        if last_ns is not None and 0 <= stamp_ns - last_ns < PATH_EVERY_NS:
+            return None
+        self._last_ns = stamp_ns
+        return cdr.encode_path(np.array(self._places), stamp_ns=stamp_ns)
+
+
+class Frames:
+    """Where the frames are, so that RViz and Foxglove draw a recording in one picture.
+
+    Recorded only, never published: a boat or a VRX has its own publisher of /tf.
+    """
+
+    def __init__(self, sensor: Sensor) -> None:
+        self._sensor = sensor
+        self._lidar: Transform | None = None
+
+    def see(self, frame_id: str) -> None:
+        """Note what the LiDAR calls its frame."""
+        mount = self._sensor.mount
+        if self._lidar is not None or mount is None or frame_id in ("", VESSEL_FRAME):
+            return
+        q = quaternion_from_euler(mount.roll_rad, mount.pitch_rad, mount.yaw_rad)
+        x, y, z = flu_to_frd(self._sensor.mount_position_B).tolist()
+        self._lidar = Transform(VESSEL_FRAME, frame_id, (x, y, z), tuple(q.tolist()))
+
+    def encoded(self, odometry: Odometry) -> bytes:
+        """Give the transforms to record after odometry: the vessel's, and the LiDAR's on it."""
+        frames = [vessel_transform(odometry)]
+        if self._lidar is not None:
+            frames.append(self._lidar)
+        return cdr.encode_transforms(frames, stamp_ns=odometry.stamp_ns)

@@ -1,7 +1,7 @@
-"""How urgent the runtime is to the system: real-time priority and cores, where that is allowed.
+"""What the runtime asks of the system that it runs on, and how it is asked to end.
 
-Taken before the bus opens its threads, because threads inherit from the one that starts them: the
-bus's, the recorder's and the loop's must not wait for each other behind somebody else's program.
+Priority and cores, the garbage collector, systemd's watchdog, signals, and the end of whoever
+started it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from msgspec import Meta
 
 from twinscrew.runtime.settings import Settings
 
-SWITCH_S = 0.0005
+SWITCH_S: Final = 0.0005
 """[s] A thread that holds the interpreter lets another one go on after this; Python's own 5 ms are
 the longest that the recorder could hold up a decision (measured: docs/safety.md)."""
 
@@ -36,8 +36,12 @@ class PrioritySettings(Settings, frozen=True):
     """[-] Cores to run on; empty: those that the system gives."""
 
 
-def take(settings: PrioritySettings) -> tuple[str, ...]:
+def take_priority(settings: PrioritySettings) -> tuple[str, ...]:
     """Take priority and cores for this thread and all that it starts; say what was refused.
+
+    It is called before the bus opens its threads, because threads inherit from the one that starts
+    them: the bus's, the recorder's and the loop's must not wait for each other behind somebody
+    else's program.
 
     Returns
     -------
@@ -75,12 +79,6 @@ def _take_urgency(settings: PrioritySettings) -> list[str]:
     return refused
 
 
-# -- Python's cyclic garbage collector, kept out of the loop's work.
-#
-# It runs by itself in the middle of whatever allocates, for as long as the program has objects. Here
-# what start-up made is never looked at again, and what came since is collected once a second, right
-# after a tick, when nothing is due for a while.
-
 EVERY_S: Final = 1.0
 """[s] Between two collections of what is young, and"""
 OLD_EVERY: Final = 30
@@ -90,7 +88,12 @@ ALL: Final = 2
 
 
 class Garbage:
-    """A context in which the collector runs when it is told to; afterwards it is as before."""
+    """A context in which Python's cyclic garbage collector runs only when `collect` is called.
+
+    By itself it would run in the middle of whatever allocates. Here what start-up made is never
+    looked at again, and what came since is collected once a second, right after a tick, when
+    nothing is due for a while. Afterwards the collector is as before.
+    """
 
     def __init__(self) -> None:
         self._due_s = 0.0
@@ -123,28 +126,26 @@ class Garbage:
         return True
 
 
-# -- Tells systemd that the loop is alive, so that it is started anew if it hangs.
-#
-# The protocol is sd_notify(3): lines of KEY=VALUE in a datagram to the socket that $NOTIFY_SOCKET
-# names. Outside of systemd there is no such socket, and nothing is sent.
-
+STANDARD_INPUT: Final = 0
 SHARE: Final = 0.25
 """[-] Of the watchdog's time; sd_watchdog_enabled(3) recommends at most a half."""
 MICROSECONDS: Final = 1e-6
 
 
 class ServiceManager:
-    """Who started us, and wants to hear from us. Never blocks, never raises."""
+    """systemd, which starts the runtime anew if its loop hangs. Never blocks, never raises.
+
+    The protocol is sd_notify(3): lines of KEY=VALUE in a datagram to the socket that $NOTIFY_SOCKET
+    names. Outside of systemd there is no such socket, and nothing is sent.
+
+    Parameters
+    ----------
+    environment
+        Holds NOTIFY_SOCKET if somebody listens, WATCHDOG_USEC if silence is fatal, and WATCHDOG_PID
+        if that is meant for one process only.
+    """
 
     def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
-        """Find out who listens.
-
-        Parameters
-        ----------
-        environment
-            Holds NOTIFY_SOCKET if somebody does, WATCHDOG_USEC if silence is fatal, and
-            WATCHDOG_PID if that is meant for one process only.
-        """
         self._address = _address(environment.get("NOTIFY_SOCKET", ""))
         self._every_s = SHARE * _watchdog_s(environment)
         self._next_s = float("-inf")
@@ -200,9 +201,6 @@ def _watchdog_s(environment: Mapping[str, str]) -> float:
         return 0.0
 
 
-# -- A request to stop, as a signal's handler may make it.
-
-
 class StopRequest:
     """Is made once, and stays.
 
@@ -220,11 +218,6 @@ class StopRequest:
     def __call__(self) -> bool:
         """Tell whether somebody asked to stop."""
         return self._is_made
-
-
-# -- Lets a program end with whoever started it, however that one ended.
-
-STANDARD_INPUT = 0
 
 
 def at_end_of_input(do: Callable[[], object]) -> None:

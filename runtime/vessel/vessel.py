@@ -1,267 +1,122 @@
-"""The core with its doors: payloads in, in the order they came; decisions out.
+"""One vessel's runtime without its sockets and its clock.
 
-`run`, `sitl`, the experiments and `replay` all feed this one object, so that a recording of what
-went in gives the same decisions again.
+Messages and the autopilot's bytes come in with the time; MAVLink bytes, and what is to be published
+and recorded, go out. `run` drives it in real time, the lock-step driver in simulated time, and
+`replay` feeds it what a recording took in: to the same decisions.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from msgspec import structs
+
+from twinscrew.runtime.app.ground import GroundReport
+from twinscrew.runtime.app.ground_desk import GroundDesk
+from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.errors import MessageError
+from twinscrew.runtime.estimation.estimator import Estimator
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotStatus
 from twinscrew.runtime.link.stations import Stations
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.odometry import as_read_back
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.types import (
     Decision,
     Engagement,
     Float64,
-    Goal,
     HealthEvent,
     Odometry,
-    PointCloud,
 )
-from twinscrew.runtime.perception.stage import Perception
-from twinscrew.runtime.policy.load import load_policy
-from twinscrew.runtime.policy.metadata import PolicyExpectation
-from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.events import (
     BAD_MESSAGE,
-    CLOCK_BACK,
-    GUARD_TRIPPED,
-    INPUT_FROZEN,
-    INPUT_LATE,
     INTERNAL_ERROR,
     LIDAR_STALE,
-    ODOMETRY_JUMP,
-    ODOMETRY_MISSING,
     ODOMETRY_STALE,
-    OUT_OF_ORDER,
-    PERCEPTION_ERROR,
-    POLICY_ERROR,
 )
-from twinscrew.runtime.safety.guard import NEUTRAL, Guard
+from twinscrew.runtime.safety.guard import NEUTRAL, Guard, ThrustLimits
 from twinscrew.runtime.safety.watchdog import Watchdog
-from twinscrew.runtime.tracking.tracker import Tracker
-from twinscrew.runtime.tracking.view import View
-from twinscrew.runtime.vessel.config import RuntimeConfig, autopilot_of, sensor_of
+from twinscrew.runtime.vessel.config import SENSED, RuntimeConfig, autopilot_of
 from twinscrew.runtime.vessel.health import Facts, Health, State
-from twinscrew.runtime.vessel.inputs import (
-    Arrival,
-    Freshness,
-    OdometryBuffer,
-    OdometryBufferSettings,
-    seconds_between,
-)
-from twinscrew.runtime.vessel.mission import Mission
-from twinscrew.runtime.vessel.own_odometry import (
-    SENSED,
-    Alignment,
-    AutopilotOdometry,
-    GpsImuOdometry,
-    OdometrySource,
-)
-from twinscrew.runtime.vessel.pipeline import Pipeline
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """What came of one payload."""
-
-    stamp_ns: int | None = None
-    """[ns] The message's stamp; None if it could not be read, or not be used."""
-    decision: Decision | None = None
-    """The decision, if the message was a scan that could be used."""
-    events: tuple[HealthEvent, ...] = ()
-    """What an operator should know, besides the decision's own events."""
-
-
-class Core:
-    """Decodes, puts in order, and steps the pipeline on every scan."""
-
-    def __init__(self, pipeline: Pipeline, odometry: OdometryBufferSettings | None = None) -> None:
-        self.pipeline = pipeline
-        settings = odometry or OdometryBufferSettings()
-        self._odometry = OdometryBuffer(settings)
-        self._clock_back_s = settings.clock_back_s
-        self._max_lag_s = settings.max_lag_s
-        self._freshness = Freshness()
-        self._engaged = False
-        self._last_scan_ns: int | None = None
-        self._latest_ns = 0
-        self._doors: dict[str, Callable[[bytes], Outcome]] = {
-            "points": lambda payload: self._scan(cdr.decode_point_cloud(payload)),
-            "odometry": lambda payload: self._add_odometry(cdr.decode_odometry(payload)),
-            "goal": lambda payload: self._set_goal(cdr.decode_goal(payload)),
-            "route": lambda payload: self._set_route(*cdr.decode_path(payload)),
-            "engagement": lambda payload: self._engage(cdr.decode_engagement(payload)),
-        }
-
-    @property
-    def latest_ns(self) -> int:
-        """[ns] The stamp of the last scan or odometry that was in order: what time it is."""
-        return self._latest_ns
-
-    @property
-    def odometry(self) -> Odometry | None:
-        """The last odometry that was in order."""
-        return self._odometry.newest
-
-    @property
-    def scan_ns(self) -> int | None:
-        """[ns] The stamp of the last scan that was in order, whether it could be used or not."""
-        return self._last_scan_ns
-
-    @property
-    def knows_surroundings(self) -> bool:
-        """Whether what is around has been seen for long enough; see `Pipeline`."""
-        return self.pipeline.knows_surroundings
-
-    @property
-    def is_settling(self) -> bool:
-        """Whether the thrust is zero because what is around was forgotten; see `Pipeline`."""
-        return self.pipeline.is_settling
-
-    def feed(self, topic: str, payload: bytes) -> Outcome:
-        """Take in one message of a core input topic; it never raises.
-
-        A fault of the runtime itself is an `internal_error`, after which everything remembered of
-        the surroundings is forgotten: the next scan starts afresh.
-        """
-        try:
-            return self._doors[topic](payload)
-        except MessageError as error:
-            return Outcome(events=(BAD_MESSAGE.at(self._latest_ns, f"{topic}: {error}"),))
-        except Exception as error:  # must stop the boat, not the loop
-            self.pipeline.reset()
-            detail = f"{topic}: {type(error).__name__}: {error}"
-            # The sensor lives, if its message got as far as to set the time.
-            event = INTERNAL_ERROR.at(self._latest_ns, detail)
-            return Outcome(stamp_ns=self._latest_ns, events=(event,))
-
-    def _engage(self, engagement: Engagement) -> Outcome:
-        self._engaged = engagement.engaged
-        return Outcome(stamp_ns=engagement.stamp_ns)
-
-    def _set_goal(self, goal: Goal) -> Outcome:
-        return Outcome(stamp_ns=goal.stamp_ns, events=(self.pipeline.set_goal(goal),))
-
-    def _set_route(self, stamp_ns: int, places_N: Float64) -> Outcome:
-        return Outcome(stamp_ns=stamp_ns, events=(self.pipeline.set_route(places_N, stamp_ns),))
-
-    def _add_odometry(self, odometry: Odometry) -> Outcome:
-        stamp_ns = odometry.stamp_ns
-        if self._freshness.odometry_repeats(odometry):
-            return Outcome(events=(INPUT_FROZEN.at(self._latest_ns, "odometry"),))
-        arrival = self._odometry.add(odometry)
-        events: tuple[HealthEvent, ...] = ()
-        if arrival is Arrival.OLD:
-            late = OUT_OF_ORDER.at(self._latest_ns, f"odometry of {stamp_ns} ns")
-            return Outcome(events=(late,))
-        if arrival is Arrival.CLOCK_BACK:
-            events = (self._restart("odometry", stamp_ns),)
-        elif arrival is Arrival.JUMP:
-            self.pipeline.reset()
-            north, east = odometry.position_N[:2]
-            events = (ODOMETRY_JUMP.at(stamp_ns, f"to north {north:.1f} m, east {east:.1f} m"),)
-        self._latest_ns = stamp_ns
-        return Outcome(stamp_ns=stamp_ns, events=events)
-
-    def _scan(self, cloud: PointCloud) -> Outcome:
-        stamp_ns = cloud.stamp_ns
-        events: tuple[HealthEvent, ...] = ()
-        if self._last_scan_ns is not None and stamp_ns <= self._last_scan_ns:
-            if seconds_between(stamp_ns, self._last_scan_ns) <= self._clock_back_s:
-                late = OUT_OF_ORDER.at(self._latest_ns, f"scan of {stamp_ns} ns")
-                return Outcome(events=(late,))
-            self._odometry.clear()
-            events = (self._restart("points", stamp_ns),)
-        lag_s = seconds_between(stamp_ns, self._latest_ns)
-        self._last_scan_ns = self._latest_ns = stamp_ns
-        odometry = self._odometry.at(stamp_ns)
-        if odometry is None:
-            missing = ODOMETRY_MISSING.at(stamp_ns)
-            return Outcome(events=(*events, missing))
-        if not events and lag_s > self._max_lag_s:
-            late = INPUT_LATE.at(stamp_ns, f"a scan {lag_s:.2f} s older than the odometry")
-            return Outcome(events=(late,))
-        if self._freshness.scan_repeats(cloud, odometry):
-            return Outcome(events=(*events, INPUT_FROZEN.at(stamp_ns, "points")))
-        decision = self.pipeline.step(cloud, odometry, engaged=self._engaged)
-        return Outcome(stamp_ns=stamp_ns, decision=decision, events=events)
-
-    def _restart(self, topic: str, stamp_ns: int) -> HealthEvent:
-        self.pipeline.reset()
-        self._last_scan_ns = None
-        back_s = seconds_between(stamp_ns, self._latest_ns)
-        return CLOCK_BACK.at(stamp_ns, f"{topic}: {back_s:.3f} s before the last message")
-
-
-# -- One vessel's runtime without its sockets and its clock.
-#
-# `run` wraps it in real time, the lock-step driver in simulated time; what they share is everything
-# that decides whether a propeller turns. Messages and MAVLink bytes come in with the time; MAVLink
-# bytes, and messages to publish, go out.
-
-FAULTS = {kind.name for kind in (POLICY_ERROR, PERCEPTION_ERROR, GUARD_TRIPPED, INTERNAL_ERROR)}
-
+from twinscrew.runtime.vessel.inputs import Alignment, Inputs, OdometryBufferSettings, Verdict
+from twinscrew.runtime.vessel.outputs import Outputs, Taken
+from twinscrew.runtime.vessel.pipeline import Pipeline, make_pipeline
 
 WATCHED = {"points": LIDAR_STALE, "odometry": ODOMETRY_STALE}
 """The inputs that must keep coming, and what it is called when they do not."""
-
 FAULT_HOLD_S = 1.0
 """[s] After a fault of the runtime itself the thrust is neutral for this long."""
 DISOBEYED_S = 5.0
 """[s] After the autopilot ignored the commands, neutral thrust this long before the next try."""
 
 
-@dataclass(frozen=True, slots=True)
-class Handled:
-    """What came of a message: the decision, if any, and what to tell the operator."""
+class Vessel:
+    """Inputs, pipeline, watchdog, guard, health, autopilot link and ground stations of one vessel.
 
-    decision: Decision | None
-    events: tuple[HealthEvent, ...]
-
-
-class Controller:
-    """Core, watchdog, guard, health and autopilot link of one vessel."""
+    Parameters
+    ----------
+    pipeline
+        Decides on scans.
+    link
+        Talks to the autopilot.
+    report
+        What ground stations are told.
+    odometry
+        How far odometry is trusted.
+    alignment
+        Given if odometry comes from the autopilot.
+    estimator
+        Given if odometry is made of GPS and IMU.
+    limits
+        What the last guard lets pass; the pipeline's by default.
+    looks_first
+        Whether nothing may be driven before the surroundings have been seen for long enough, at the
+        very start too. A simulation in lock-step begins with vessels that may.
+    """
 
     def __init__(
         self,
-        core: Core,
+        pipeline: Pipeline,
         link: AutopilotLink,
-        odometry: OdometrySource | None = None,
         *,
+        report: GroundReport | None = None,
+        odometry: OdometryBufferSettings | None = None,
+        alignment: Alignment | None = None,
+        estimator: Estimator | None = None,
+        limits: ThrustLimits | None = None,
         looks_first: bool = True,
     ) -> None:
-        """Join them.
-
-        Parameters
-        ----------
-        odometry
-            Makes odometry, if that does not come over the bus.
-        looks_first
-            Whether nothing may be driven before the surroundings have been seen for long enough,
-            at the very start too. A simulation in lock-step begins with vessels that may.
-        """
-        self.core = core
+        self.pipeline = pipeline
         self.link = link
-        self._odometry = odometry
+        self.report = report or GroundReport()
         self.health = Health()
+        self.inputs = Inputs(odometry)
         self.decision: Decision | None = None
-        self._guard = Guard(core.pipeline.guard.limits)
+        """The last one."""
+        self.engaged = False
+        """Whether the pipeline's thrust goes to the propellers."""
+        self._alignment = alignment
+        self._estimator = estimator
+        self._ground = GroundDesk(link, self.report, pipeline.mission, lambda: self.inputs.newest)
+        self._guard = Guard(limits or pipeline.guard.limits)
         self._watchdog = Watchdog(
             {name: (kind, TOPICS[name].max_age_s or math.inf) for name, kind in WATCHED.items()}
         )
-        self._disobeyed_until_s = -math.inf
-        self._engaged = False
+        self._handlers: dict[str, Callable[[Taken, Outputs, float], None]] = {
+            "points": self._scan,
+            "odometry": self._odometry,
+            "goal": self._goal,
+            "route": self._route,
+            "engagement": self._engagement,
+            "gps": self._fix,
+            "imu": self._imu,
+        }
         self._fault = False
         self._has_looked = not looks_first
         self._inputs_too_old = False
-        self._held_until_s = self._now_s = -math.inf
+        self._disobeyed_until_s = self._held_until_s = self._now_s = -math.inf
 
     @property
     def state(self) -> State:
@@ -270,100 +125,75 @@ class Controller:
 
     @property
     def stamp_ns(self) -> int:
-        """[ns] The core's time, by the stamps of what it took in."""
-        return self.core.latest_ns
+        """[ns] The vessel's time, by the stamps of what it took in."""
+        return self.inputs.latest_ns
 
     @property
-    def engaged(self) -> bool:
-        """Whether the core's thrust goes to the propellers."""
-        return self._engaged
+    def follows_autopilot(self) -> bool:
+        """Whether odometry comes from the autopilot: a scan wants the newest bytes taken first."""
+        return self._alignment is not None
 
-    def take_in(self, topic: str, payload: bytes, now_s: float) -> Handled:
-        """Feed one message to the core, or a sensor's to where odometry is made of it.
+    @property
+    def thrust(self) -> Float64:
+        """[N] (2,) What the propellers should give now, left and right."""
+        if not self.engaged or self._fault or self._inputs_too_old or self.decision is None:
+            return NEUTRAL
+        return NEUTRAL if self._now_s < self._held_until_s else self.decision.thrust
 
-        It never raises on the message's content.
+    # -- What comes in. Each call gives what is to be sent, published and recorded.
+
+    def handle(self, message: Received, now_s: float) -> Outputs:
+        """Take in a message; a scan that can be used becomes a decision and a command.
+
+        It never raises on the message's content. A fault of the runtime itself is an
+        `internal_error`, after which the surroundings are forgotten: the next scan starts afresh.
         """
+        out = Outputs()
         self._look(now_s)
-        if topic in SENSED:
-            return self._sense(topic, payload, now_s)
-        scan_before_ns = self.core.scan_ns
-        outcome = self.core.feed(topic, payload)
-        scan_ns = self.core.scan_ns
-        if self._odometry is not None and scan_ns is not None and scan_ns != scan_before_ns:
-            self._odometry.scan_came(scan_ns, now_s)
-        if outcome.stamp_ns is not None:
-            self._watchdog.seen(topic, outcome.stamp_ns, now_s)
-        events = outcome.events
-        if outcome.decision is not None:
-            self.decision = outcome.decision
-            events += outcome.decision.events
-        faulty = any(event.name in FAULTS for event in events)
-        if faulty or outcome.decision is not None:
-            self._fault = faulty
-        self._has_looked = self._has_looked or self.core.knows_surroundings
-        self.note(events, now_s)
-        return Handled(outcome.decision, events)
+        self._take(Taken(message.topic, message.payload), out, now_s)
+        if out.decision is not None:
+            self._command(out, now_s)
+        return out
 
-    def note(self, events: tuple[HealthEvent, ...], now_s: float) -> None:
-        """Let the vessel's state follow from events; the loop notes its own here."""
-        self.health.note(events, now_s)
-
-    def from_autopilot(self, data: bytes, now_s: float) -> None:
-        """Take in bytes that came from the autopilot."""
+    def receive(self, data: bytes, now_s: float) -> Outputs:
+        """Take in bytes of the autopilot, which may hold odometry and orders of ground stations."""
+        out = Outputs()
+        self._look(now_s)
         if data:
             self.link.receive(data, now_s)
+        if self._alignment is not None:
+            for odometry in self.link.take_odometry():
+                stamp_ns = self._alignment.lidar_ns(odometry.stamp_ns)
+                if stamp_ns is not None:
+                    aligned = replace(odometry, stamp_ns=stamp_ns)
+                    self._own_odometry(aligned, out, now_s)
+        return out
 
-    @property
-    def has_own_odometry(self) -> bool:
-        """Whether odometry is made here, of other messages."""
-        return self._odometry is not None
-
-    def own_odometry(self) -> list[bytes]:
-        """Give the odometry that was made since the last call, to be fed to the core."""
-        return [] if self._odometry is None else self._odometry.payloads()
-
-    def supervise(self, now_s: float) -> tuple[bytes | None, tuple[HealthEvent, ...]]:
-        """Look at the inputs' ages and the autopilot; say what changed.
-
-        Returns
-        -------
-        engagement : bytes or None
-            Where the right to drive changed: the message that the core must be fed, and the
-            recorder keep, as an input like any other.
-        events
-            What an operator should know.
-        """
+    def tick(self, now_s: float) -> Outputs:
+        """Look at the inputs' ages and the autopilot, serve ground stations, command the thrust."""
+        out = Outputs()
         self._look(now_s)
-        said = [replace(event, stamp_ns=self.stamp_ns) for event in self.link.events(now_s)]
-        if self._odometry is not None:
-            troubles = self._odometry.take_troubles()
-            said += [BAD_MESSAGE.at(self.stamp_ns, f"odometry: {why}") for why in troubles]
-        events = [*self._watchdog.check(now_s, self.stamp_ns), *said]
-        self.note(tuple(events), now_s)
+        stamp_ns = self.stamp_ns
+        link_events = (replace(event, stamp_ns=stamp_ns) for event in self.link.events(now_s))
+        out.events += (*self._watchdog.check(now_s, stamp_ns), *link_events)
+        self.note(tuple(out.events), now_s)
         status = self.link.status
         may_drive = self._may_drive(status, now_s)
-        change = self.health.step(self._facts(status, may_drive, now_s), self.stamp_ns)
-        if change:
-            events.append(change)
-        ready = self._has_looked and not self._is_held(now_s)
-        engaged = may_drive and ready and not self._watchdog.stale
-        if engaged == self._engaged:
-            return None, tuple(events)
-        message = cdr.encode_engagement(Engagement(stamp_ns=self.stamp_ns, engaged=engaged))
-        self._engaged = engaged
-        return message, tuple(events)
+        change = self.health.step(self._facts(status, may_drive, now_s), stamp_ns)
+        if change is not None:
+            self._tell(out, now_s, change)
+        ready = self._has_looked and now_s >= self._held_until_s and not self._watchdog.stale
+        self._engage(may_drive and ready, out)
+        self._ground.serve(
+            lambda topic, payload: self._take(Taken(topic, payload), out, now_s), stamp_ns, now_s
+        )
+        self._command(out, now_s)
+        return out
 
-    def command(self, now_s: float) -> bytes:
-        """Give the MAVLink bytes to send now: the thrust, and what the link has to say.
-
-        On inputs that are too old the thrust is neutral, and nothing is asked of the autopilot,
-        whatever `supervise` found when it was last called.
-        """
-        self._look(now_s)
-        thrust, _ = self._guard.check(self.thrust, self.stamp_ns)
-        wanted = None if self.state is State.READY and not self._has_goal else thrust
-        asks = not self._inputs_too_old
-        return self.link.command(wanted, now_s) + self.link.tick(now_s, may_ask=asks)
+    def note(self, events: tuple[HealthEvent, ...], now_s: float) -> None:
+        """Let state and ground stations know of events; those of a driver come here too."""
+        self.health.note(events, now_s)
+        self.report.happened(events, now_s)
 
     def hold(self, now_s: float) -> bytes:
         """Hold the thrust neutral after a fault of the runtime, and give the bytes that say so."""
@@ -372,15 +202,91 @@ class Controller:
 
     def rest(self, now_s: float) -> bytes:
         """Give the last MAVLink bytes of a run: propellers at stop."""
-        self._engaged = False
+        self.engaged = False
         return self.link.command(NEUTRAL, now_s) + self.link.tick(now_s)
 
-    @property
-    def thrust(self) -> Float64:
-        """[N] (2,) What the propellers should give now, left and right."""
-        if not self._engaged or self._fault or self._inputs_too_old or self.decision is None:
-            return NEUTRAL
-        return NEUTRAL if self._is_held(self._now_s) else self.decision.thrust
+    # -- One message.
+
+    def _take(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        """Decode a message, once, and work on it; what that raises becomes an event."""
+        topic = taken.topic
+        out.messages.append(taken)
+        if topic in SENSED and self._estimator is None:
+            return
+        try:
+            self._handlers[topic](taken, out, now_s)
+        except MessageError as error:
+            self._tell(out, now_s, BAD_MESSAGE.at(self.stamp_ns, f"{topic}: {error}"))
+        except Exception as error:  # must stop the boat, not the loop
+            self._fault = True
+            self.pipeline.reset()
+            if topic in SENSED and self._estimator is not None:
+                self._estimator.restart()
+            detail = f"{topic}: {type(error).__name__}: {error}"
+            self._tell(out, now_s, INTERNAL_ERROR.at(self.stamp_ns, detail))
+
+    def _scan(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        taken.message = cloud = cdr.decode_point_cloud(taken.payload)
+        verdict = self.inputs.scan(cloud)
+        if verdict.in_order and self._alignment is not None:
+            self._alignment.scan_came(cloud.stamp_ns, now_s)
+        self._judged("points", cloud.stamp_ns, verdict, out, now_s)
+        if verdict.odometry is None:
+            return
+        decision, fault = self.pipeline.step(cloud, verdict.odometry, engaged=self.engaged)
+        self.decision = out.decision = decision
+        self._fault = fault is not None
+        self._has_looked = self._has_looked or self.pipeline.knows_surroundings
+        self._tell(out, now_s, *decision.events)
+
+    def _odometry(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        taken.message = odometry = taken.message or cdr.decode_odometry(taken.payload)
+        verdict = self.inputs.odometry(odometry)
+        self._judged("odometry", odometry.stamp_ns, verdict, out, now_s)
+
+    def _judged(
+        self, topic: str, stamp_ns: int, verdict: Verdict, out: Outputs, now_s: float
+    ) -> None:
+        if verdict.forget:
+            self.pipeline.reset()
+        if verdict.usable:
+            self._watchdog.seen(topic, stamp_ns, now_s)
+        self._tell(out, now_s, *verdict.events)
+
+    def _own_odometry(self, odometry: Odometry, out: Outputs, now_s: float) -> None:
+        """Take in odometry that nobody sent, exactly as a replay will read it."""
+        try:
+            payload, odometry = cdr.encode_odometry(odometry), as_read_back(odometry)
+        except MessageError as error:
+            self._tell(out, now_s, BAD_MESSAGE.at(self.stamp_ns, f"odometry: {error}"))
+            return
+        self._take(Taken("odometry", payload, odometry, made_here=True), out, now_s)
+
+    def _fix(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        assert self._estimator is not None  # noqa: S101  (`_take` saw it)
+        self._estimator.fix(cdr.decode_fix(taken.payload))
+        self._tell(out, now_s, *self._estimator.take_events())
+
+    def _imu(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        assert self._estimator is not None  # noqa: S101  (`_take` saw it)
+        odometry = self._estimator.imu(cdr.decode_imu(taken.payload))
+        self._tell(out, now_s, *self._estimator.take_events())
+        if odometry is not None:
+            self._own_odometry(odometry, out, now_s)
+
+    def _goal(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        goal = cdr.decode_goal(taken.payload)
+        self._tell(out, now_s, self.pipeline.mission.set_goal(goal))
+
+    def _route(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        stamp_ns, places_N = cdr.decode_path(taken.payload)
+        self._tell(out, now_s, self.pipeline.mission.set_route(places_N, stamp_ns))
+
+    def _engagement(self, taken: Taken, _out: Outputs, _now_s: float) -> None:
+        # Of a recording: aboard, `tick` decides.
+        self.engaged = cdr.decode_engagement(taken.payload).engaged
+
+    # -- One tick.
 
     def _look(self, now_s: float) -> None:
         """Look at the inputs' ages: the first thing that is done, however long nothing was."""
@@ -388,27 +294,34 @@ class Controller:
         self._watchdog.awake(now_s)
         self._inputs_too_old = self._watchdog.too_old(now_s)
 
-    def _is_held(self, now_s: float) -> bool:
-        return now_s < self._held_until_s
+    def _engage(self, engaged: bool, out: Outputs) -> None:
+        """Note who drives: an input of the decisions like any other, so it is recorded."""
+        if engaged == self.engaged:
+            return
+        message = Engagement(stamp_ns=self.stamp_ns, engaged=engaged)
+        payload = cdr.encode_engagement(message)
+        self.engaged = engaged
+        out.messages.append(Taken("engagement", payload, message, made_here=True))
 
-    def _sense(self, topic: str, payload: bytes, now_s: float) -> Handled:
-        events: tuple[HealthEvent, ...] = ()
-        if self._odometry is not None:
-            try:
-                events = self._odometry.sense(topic, payload)
-            except MessageError as error:
-                events = (BAD_MESSAGE.at(self.stamp_ns, f"{topic}: {error}"),)
-            except Exception as error:  # must stop the boat, not the loop: no odometry follows
-                self._odometry.restart()
-                detail = f"{topic}: {type(error).__name__}: {error}"
-                events = (INTERNAL_ERROR.at(self.stamp_ns, detail),)
-        self.note(events, now_s)
-        return Handled(None, events)
+    def _command(self, out: Outputs, now_s: float) -> None:
+        """Command the thrust, and what else the link has to say.
 
-    @property
-    def _has_goal(self) -> bool:
-        mission = self.core.pipeline.mission
-        return mission.goal is not None and not mission.arrived
+        On inputs that are too old the thrust is neutral, and nothing is asked of the autopilot,
+        whatever the last `tick` found.
+        """
+        out.thrust, tripped = self._guard.check(self.thrust, self.stamp_ns)
+        if tripped is not None:
+            self._fault = True  # neutral until the next decision
+            self._tell(out, now_s, tripped)
+        nothing_to_do = self.state is State.READY and self.pipeline.mission.target is None
+        wanted = None if nothing_to_do else out.thrust
+        asks = not self._inputs_too_old
+        out.mavlink = self.link.command(wanted, now_s) + self.link.tick(now_s, may_ask=asks)
+
+    def _tell(self, out: Outputs, now_s: float, *events: HealthEvent) -> None:
+        if events:
+            out.events += events
+            self.note(events, now_s)
 
     def _may_drive(self, status: AutopilotStatus, now_s: float) -> bool:
         if status.obeying is False:
@@ -420,60 +333,62 @@ class Controller:
             inputs_heard=self._watchdog.all_heard and status.message_age_s < math.inf,
             inputs_fresh=not self._watchdog.stale and status.connected,
             may_drive=may_drive,
-            fault=self._fault or self._is_held(now_s),
-            knows_surroundings=self._has_looked and not self.core.is_settling,
-            has_goal=self._has_goal,
+            fault=self._fault or now_s < self._held_until_s,
+            knows_surroundings=self._has_looked and not self.pipeline.is_settling,
+            has_goal=self.pipeline.mission.target is not None,
             warned=self.health.warned(now_s),
         )
 
 
-# -- Puts the parts of one vessel's runtime together from its configuration.
+def make_vessel(
+    config: RuntimeConfig, *, pipeline: Pipeline | None = None, looks_first: bool = True
+) -> Vessel:
+    """Make everything of a vessel's runtime but its sockets and its clock.
 
-
-def make_core(config: RuntimeConfig) -> Core:
-    """Make the core: sensor, perception, tracker, policy, mission.
+    Parameters
+    ----------
+    pipeline
+        In place of the configured one (`make_pipeline`).
+    looks_first
+        See `Vessel`.
 
     Raises
     ------
     ConfigError, PolicyError
         Something configured does not exist or cannot be used: before anything moves.
     """
-    sensor = sensor_of(config)
-    pipeline = Pipeline(
-        perception=Perception(sensor, config.perception),
-        tracker=Tracker(config.tracking, View.of(sensor)),
-        policy=load_policy(config.policy, expected_of_policies(config), config.risk),
-        mission=Mission(config.mission),
-        guard=Guard(config.thrust),
-        observation=config.observation,
-        assurance=Assurance(config.assurance, config.thrust),
-    )
-    return Core(pipeline, config.odometry)
-
-
-def expected_of_policies(config: RuntimeConfig) -> PolicyExpectation:
-    """Give what a policy must have been trained with, to be the vessel's."""
-    return PolicyExpectation(
-        thrust_min_n=config.thrust.min_n,
-        thrust_max_n=config.thrust.max_n,
-        perception_range_m=config.perception.max_range_m,
-    )
-
-
-def make_controller(config: RuntimeConfig, *, looks_first: bool = True) -> Controller:
-    """Make everything of a vessel's runtime but its sockets and its clock; see `Controller`."""
-    autopilot = autopilot_of(config)
+    autopilot, source = autopilot_of(config), config.odometry_source
     us = (autopilot.system_id, autopilot.component_id)
     stations = Stations(config.ground.orders, autopilot.datum, us)
-    link = AutopilotLink(autopilot, stations=stations)
-    source = odometry_source(config, link)
-    return Controller(make_core(config), link, source, looks_first=looks_first)
+    return Vessel(
+        pipeline or make_pipeline(config),
+        AutopilotLink(autopilot, stations=stations),
+        report=GroundReport(
+            config.ground,
+            autopilot.datum,
+            autopilot.system_id,
+            sees_m=config.perception.max_range_m,
+        ),
+        odometry=config.odometry,
+        alignment=Alignment(config.alignment) if source == "autopilot" else None,
+        estimator=Estimator(config.estimation) if source == "gps_imu" else None,
+        looks_first=looks_first,
+    )
 
 
-def odometry_source(config: RuntimeConfig, link: AutopilotLink) -> OdometrySource | None:
-    """Make what odometry comes from; None if that is the bus."""
-    if config.odometry_source == "autopilot":
-        return AutopilotOdometry(link, Alignment(config.alignment))
-    if config.odometry_source == "gps_imu":
-        return GpsImuOdometry(config.estimation)
-    return None
+def vessel_for_replay(config: RuntimeConfig, *, has_odometry: bool = True) -> Vessel:
+    """Make a vessel that takes in a recording, which holds its own odometry and engagement too.
+
+    Parameters
+    ----------
+    has_odometry
+        If the recording has none, it is made of GPS and IMU where these are its configured source.
+    """
+    makes_odometry = config.odometry_source == "gps_imu" and not has_odometry
+    return make_vessel(
+        structs.replace(
+            config,
+            odometry_source="gps_imu" if makes_odometry else "bus",
+            autopilot=structs.replace(config.autopilot, signing_key_file=""),  # stayed aboard
+        )
+    )

@@ -1,4 +1,4 @@
-"""A whole boat without sockets: sensors that can fail, the runtime's controller, its autopilot.
+"""A whole boat without sockets: sensors that can fail, the runtime's vessel, its autopilot.
 
 The sensors are synthetic (a boat at rest, nothing in sight); everything between their bytes and the
 propellers' pulses is the real thing, in simulated time.
@@ -13,12 +13,15 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.rover import RoverSettings
+from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.geometry.frames import quaternion_from_euler
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.link.paddling import STOP
+from twinscrew.runtime.link.stations import Stations
 from twinscrew.runtime.link.wire import Message, Wire
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import (
+    Decision,
     Float64,
     HealthEvent,
     Observation,
@@ -29,11 +32,12 @@ from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.load import Policy
 from twinscrew.runtime.safety.assurance import Assurance
-from twinscrew.runtime.safety.guard import Guard
+from twinscrew.runtime.safety.guard import Guard, ThrustLimits
 from twinscrew.runtime.tracking.tracker import Tracker
 from twinscrew.runtime.vessel.mission import Mission, MissionSettings
+from twinscrew.runtime.vessel.outputs import Outputs
 from twinscrew.runtime.vessel.pipeline import Pipeline
-from twinscrew.runtime.vessel.vessel import Controller, Core
+from twinscrew.runtime.vessel.vessel import Vessel
 
 SECOND = 1_000_000_000
 EPOCH_NS = 1_800_000_000 * SECOND
@@ -108,9 +112,9 @@ def drives(message: Message) -> bool:
 
 
 class Boat:
-    """A controller and a simulated autopilot, joined by bytes, 20 times a second.
+    """A vessel and a simulated autopilot, joined by bytes, 20 times a second.
 
-    `line` stands between the sensors and the controller; `wire` between controller and autopilot.
+    `line` stands between the sensors and the vessel; `wire` between vessel and autopilot.
     """
 
     def __init__(
@@ -119,12 +123,15 @@ class Boat:
         *,
         waypoints_m: tuple[tuple[float, float], ...] = FAR_AHEAD,
         rover: dict[str, object] | None = None,
+        stations: Stations | None = None,
+        limits: ThrustLimits | None = None,
         **link: object,
     ) -> None:
         self.policy = policy or Steady()
-        core = Core(make_pipeline(self.policy, waypoints_m))
         settings = AutopilotSettings(**{"arm": True, "receiver_fitted": False, **link})
-        self.controller = Controller(core, AutopilotLink(settings))
+        autopilot_link = AutopilotLink(settings, stations=stations)
+        pipeline = make_pipeline(self.policy, waypoints_m)
+        self.vessel = Vessel(pipeline, autopilot_link, limits=limits)
         pilot = RoverAutopilotSettings(rover=RoverSettings(**(rover or {})))
         self.autopilot = RoverAutopilot(pilot, 1)
         self.now_s = 0.0
@@ -135,6 +142,8 @@ class Boat:
         self.events: list[tuple[float, HealthEvent]] = []
         self.thrusts: list[tuple[float, Float64]] = []
         self._reader = Wire(9, 9)
+        self.sent: list[Message] = []
+        """What the vessel has sent."""
         self.driven: list[float] = []
         """[s] When bytes were sent that ask for anything but stop, or for MANUAL."""
         self._ticks = 0
@@ -157,8 +166,7 @@ class Boat:
         self._arrived = take_in
         for topic, payload in waiting[-4:]:  # the inbox keeps the newest
             self.take_in(topic, payload)
-        self.controller.from_autopilot(said, self.now_s)
-        self._supervise()
+        self._supervise(said)
 
     def sail(self, seconds: float) -> Boat:
         """Let time pass."""
@@ -166,12 +174,13 @@ class Boat:
             self._tick()
         return self
 
-    def take_in(self, topic: str, payload: bytes) -> None:
-        """Hand a payload to the controller, as the loop does."""
-        handled = self.controller.take_in(topic, payload, self.now_s)
-        if handled.decision is not None:
-            self._send(self.controller.command(self.now_s))
-        self._note(handled.events)
+    def take_in(self, topic: str, payload: bytes) -> Outputs:
+        """Hand a payload to the vessel, as the loop does."""
+        out = self.vessel.handle(Received(topic, payload, 0), self.now_s)
+        if out.decision is not None:
+            self._send(out.mavlink)
+        self._note(out.events)
+        return out
 
     @property
     def names(self) -> list[str]:
@@ -201,21 +210,20 @@ class Boat:
         self._sense()
         if self.wire:
             answer = self.autopilot.step(self.now_s, odometry(self.now_s, *self.place))
-            self.controller.from_autopilot(answer, self.now_s)
+            self._supervise(answer)
         else:
             self.autopilot.step(self.now_s)
-        self._supervise()
+            self._supervise()
 
     def _advance(self) -> None:
         self._ticks += 1
         self.now_s = round(self._ticks * TICK_S, 6)
 
-    def _supervise(self) -> None:
-        engagement, events = self.controller.supervise(self.now_s)
-        if engagement is not None:
-            self.take_in("engagement", engagement)
-        self._note(events)
-        self._send(self.controller.command(self.now_s))
+    def _supervise(self, said: bytes = b"") -> None:
+        self._note(self.vessel.receive(said, self.now_s).events)
+        out = self.vessel.tick(self.now_s)
+        self._note(out.events)
+        self._send(out.mavlink)
         self.thrusts.append((self.now_s, self.thrust))
 
     def _sense(self) -> None:
@@ -231,10 +239,23 @@ class Boat:
         self.take_in(topic, payload)
 
     def _send(self, command: bytes) -> None:
-        if any(drives(message) for message in self._reader.decode(command)):
+        messages = self._reader.decode(command)
+        self.sent += messages
+        if any(drives(message) for message in messages):
             self.driven.append(self.now_s)
         if self.wire:
             self.autopilot.receive(command, self.now_s)
 
-    def _note(self, events: tuple[HealthEvent, ...]) -> None:
+    def _note(self, events: Iterable[HealthEvent]) -> None:
         self.events += [(self.now_s, event) for event in events]
+
+
+def feed(vessel: Vessel, topic: str, payload: bytes, now_s: float = 0.0) -> Outputs:
+    """Hand a payload to a vessel."""
+    return vessel.handle(Received(topic, payload, 0), now_s)
+
+
+def decided(pipeline: Pipeline, time_s: float, *, engaged: bool = True) -> Decision:
+    """Decide on an empty scan of a boat at rest."""
+    decision, _ = pipeline.step(cloud(time_s), odometry(time_s), engaged=engaged)
+    return decision

@@ -18,7 +18,7 @@ from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig
 from twinscrew.runtime.vessel.mission import MissionSettings
-from twinscrew.runtime.vessel.pipeline import Pipeline
+from twinscrew.runtime.vessel.pipeline import Fault, Pipeline, make_pipeline
 
 SENSOR = "vrx32"
 
@@ -58,12 +58,12 @@ def sail(
         scenario = replace(scenario, time_limit_s=limit_s)
     world = make_world(scenario, sensor=SENSOR, seed=seed)
     configs = [_config(scenario, i, policy, assurance) for i in range(vessels)]
-    crew = LockstepCrew(configs, epoch_ns=world.epoch_ns)
-    pipelines = [vessel.controller.core.pipeline for vessel in crew.vessels]
-    if policy == "random":
-        for index, pipeline in enumerate(pipelines):
-            pipeline.policy = RandomPolicy((seed, index))
+    pipelines = [
+        make_pipeline(config, policy=RandomPolicy((seed, index)) if policy == "random" else None)
+        for index, config in enumerate(configs)
+    ]
     told = [_listen(pipeline) for pipeline in pipelines]
+    crew = LockstepCrew(configs, epoch_ns=world.epoch_ns, pipelines=pipelines)
     scan_s = 1.0 / load_sensor(SENSOR).rate_hz
     results = Voyage(world, crew, scan_s=scan_s).run().results
     events = [event for decisions in told for decision in decisions for event in decision.events]
@@ -95,9 +95,10 @@ def _listen(pipeline: Pipeline) -> list[Decision]:
     decisions: list[Decision] = []
     step = pipeline.step
 
-    def listened(*arguments: object, **named: object) -> Decision:
-        decisions.append(step(*arguments, **named))  # type: ignore[arg-type]
-        return decisions[-1]
+    def listened(*arguments: object, **named: object) -> tuple[Decision, Fault | None]:
+        decision, fault = step(*arguments, **named)  # type: ignore[arg-type]
+        decisions.append(decision)
+        return decision, fault
 
     pipeline.step = listened  # type: ignore[method-assign]
     return decisions

@@ -22,7 +22,7 @@ from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.bus.zenoh_config import ZenohSettings
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.settings import CONFIG_DIR
-from twinscrew.runtime.vessel.realtime import read_summary
+from twinscrew.runtime.vessel.summary import read_summary
 
 HOST = "127.0.0.1"
 

@@ -5,19 +5,20 @@ import functools
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.harness.boat import Boat, cloud, make_pipeline, odometry, stamp
+from tests.harness.boat import Boat, cloud, feed, make_pipeline, odometry, stamp
 
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.world import make_world
 from twinscrew.runtime.bus.memory import MemoryBus
+from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import CORE_INPUTS
 from twinscrew.runtime.messages.types import Decision, Engagement, Goal
 from twinscrew.runtime.policy.base import Policy
 from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.vessel.health import State
-from twinscrew.runtime.vessel.outputs import Outlet
-from twinscrew.runtime.vessel.vessel import Core
+from twinscrew.runtime.vessel.outputs import Publisher
+from twinscrew.runtime.vessel.vessel import Vessel
 
 
 @functools.cache
@@ -99,15 +100,15 @@ def check(decision: Decision) -> None:
 def test_the_core_never_raises_and_its_thrust_is_always_one_that_propellers_can_give(
     story: list[tuple[str, bytes]],
 ) -> None:
-    core, outlet = Core(make_pipeline(policy())), Outlet(MemoryBus("wamv"), None)
-    core.feed("engagement", good("engagement"))
+    vessel = Vessel(make_pipeline(policy()), AutopilotLink(AutopilotSettings()))
+    publisher = Publisher(MemoryBus("wamv"), None)
+    feed(vessel, "engagement", good("engagement"))
     for topic, payload in story:
-        outcome = core.feed(topic, payload)
-        outlet.happened(outcome.events)
-        assert not [e.detail for e in outcome.events if e.name == "internal_error"]
-        if outcome.decision is not None:
-            check(outcome.decision)
-            outlet.decided(outcome.decision, outcome.decision.thrust)
+        out = feed(vessel, topic, payload)
+        publisher.publish(out)
+        assert not [e.detail for e in out.events if e.name == "internal_error"]
+        if out.decision is not None:
+            check(out.decision)
 
 
 @settings(max_examples=25, deadline=None)
@@ -122,7 +123,7 @@ def test_a_boat_stays_within_its_limits_and_sails_on_after_any_rubbish(
     boat.take_in("engagement", cdr.encode_engagement(Engagement(stamp_ns=0, engaged=True)))
     boat.take_in("goal", cdr.encode_goal(Goal(stamp_ns=0, position_N=np.array([500.0, 0.0]))))
     boat.sail(4.0)
-    assert boat.controller.state is State.ACTIVE
+    assert boat.vessel.state is State.ACTIVE
     assert boat.moves
 
 
@@ -149,5 +150,5 @@ def test_a_line_that_damages_loses_and_repeats_never_stops_the_loop(data: st.Dat
     assert all(np.isfinite(thrust).all() for _, thrust in boat.thrusts)
     boat.line = lambda topic, payload: (payload,)
     boat.sail(4.0)
-    assert boat.controller.state is State.ACTIVE
+    assert boat.vessel.state is State.ACTIVE
     assert boat.moves

@@ -23,11 +23,12 @@ from twinscrew.runtime.app.bag import BagWriter
 from twinscrew.runtime.app.recorder import software
 from twinscrew.runtime.app.recording import Recording, find_recordings
 from twinscrew.runtime.app.recording_settings import BagSettings
+from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig
-from twinscrew.runtime.vessel.realtime import metadata_of
-from twinscrew.runtime.vessel.vessel import make_core
+from twinscrew.runtime.vessel.summary import metadata_of
+from twinscrew.runtime.vessel.vessel import vessel_for_replay
 
 FOLDER = Path(__file__).parent.parent / "data" / "references" / "crossing"
 VESSEL = "wamv1"
@@ -83,7 +84,7 @@ def stored(case: str, folder: Path = FOLDER) -> Reference | None:
 def store(case: str, decisions: tuple[bytes, ...], folder: Path = FOLDER) -> None:
     """Put a reference in place of the old one, if there is one."""
     shutil.rmtree(folder / case, ignore_errors=True)
-    policy = make_core(CASES[case]).pipeline.policy
+    policy = vessel_for_replay(CASES[case]).pipeline.policy
     metadata = {"machine": machine(), **metadata_of(CASES[case], policy)}
     bag = BagWriter(folder / case, VESSEL, metadata, PACKED)
     for payload in decisions:
@@ -126,8 +127,8 @@ def machine() -> dict[str, Any]:
 
 
 def _decisions(config: RuntimeConfig) -> Iterator[bytes]:
-    core = make_core(config)
+    vessel = vessel_for_replay(config)
     for message in inputs().inputs():
-        outcome = core.feed(message.topic, message.payload)
-        if outcome.decision is not None:
-            yield cdr.encode_decision(outcome.decision)
+        out = vessel.handle(Received(message.topic, message.payload, 0), 0.0)
+        if out.decision is not None:
+            yield cdr.encode_decision(out.decision)

@@ -15,7 +15,7 @@ import onnx
 import pytest
 import typer
 from rosbags.rosbag2 import StoragePlugin, Writer
-from tests.harness.boat import SECOND, cloud, odometry, stamp
+from tests.harness.boat import SECOND, cloud, feed, odometry, stamp
 from tests.harness.circling import EPOCH_NS, Circling
 
 from twinscrew.hil_sim.scenario import load_scenario
@@ -33,9 +33,9 @@ from twinscrew.runtime.messages.types import Engagement, Goal
 from twinscrew.runtime.settings import CONFIG_DIR, convert
 from twinscrew.runtime.vessel.config import RuntimeConfig
 from twinscrew.runtime.vessel.mission import MissionSettings
-from twinscrew.runtime.vessel.outputs import Outlet
-from twinscrew.runtime.vessel.realtime import metadata_of
-from twinscrew.runtime.vessel.vessel import make_core
+from twinscrew.runtime.vessel.outputs import Publisher
+from twinscrew.runtime.vessel.summary import metadata_of
+from twinscrew.runtime.vessel.vessel import vessel_for_replay
 
 BRIEF = replace(load_scenario("passage"), time_limit_s=4.0)
 CONFIG = RuntimeConfig(sensor="vrx16", mission=MissionSettings(waypoints_m=((60.0, 0.0),)))
@@ -87,17 +87,14 @@ def rough_afternoon() -> Iterator[tuple[str, bytes]]:
 
 
 def record(folder: Path, config: RuntimeConfig = CONFIG) -> str:
-    core = make_core(config)
-    metadata = metadata_of(config, core.pipeline.policy)
-    with Recorder(folder, config.name, metadata, config.recording, lossless=True) as recorder:
-        outlet = Outlet(None, recorder, clock_ns=lambda: 0)
+    vessel = vessel_for_replay(config)
+    metadata = metadata_of(config, vessel.pipeline.policy)
+    with Recorder(folder, config.name, metadata, lossless=True) as recorder:
+        publisher = Publisher(None, recorder, clock_ns=lambda: 0)
         for topic, payload in rough_afternoon():
-            outlet.record(topic, payload)
-            outcome = core.feed(topic, payload)
-            if outcome.decision is not None:
-                outlet.decided(outcome.decision, outcome.decision.thrust)
-    assert outlet.decisions > 100
-    return outlet.sha256
+            publisher.publish(feed(vessel, topic, payload))
+    assert publisher.decisions > 100
+    return publisher.sha256
 
 
 def test_a_replay_says_which_part_of_the_recording_is_not_there(
@@ -296,16 +293,13 @@ def test_a_bag_with_gps_and_imu_but_no_odometry_is_decided_on_by_the_estimate(
 
 
 def test_a_recording_of_ours_in_which_nobody_drove_is_replayed_so(tmp_path: Path) -> None:
-    core = make_core(CONFIG)
-    metadata = metadata_of(CONFIG, core.pipeline.policy)
+    vessel = vessel_for_replay(CONFIG)
+    metadata = metadata_of(CONFIG, vessel.pipeline.policy)
     with Recorder(tmp_path / "idle", CONFIG.name, metadata, lossless=True) as recorder:
-        outlet = Outlet(None, recorder, clock_ns=lambda: 0)
+        publisher = Publisher(None, recorder, clock_ns=lambda: 0)
         for k in range(10):
             for topic, payload in good(0.1 * k):
-                outlet.record(topic, payload)
-                outcome = core.feed(topic, payload)
-                if outcome.decision is not None:
-                    outlet.decided(outcome.decision, outcome.decision.thrust)
+                publisher.publish(feed(vessel, topic, payload))
     again = only(tmp_path / "idle")
     assert again.decisions == 10
     assert again.same

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -13,8 +12,8 @@ import typer
 from twinscrew.runtime.vessel import one_thread  # noqa: F401  (before anything loads a library)
 
 # isort: split
-from twinscrew.runtime.app.approval import Approved, load_approved
-from twinscrew.runtime.vessel.process import StopRequest, at_end_of_input
+from twinscrew.runtime.app.approval import load_approved
+from twinscrew.runtime.vessel.process import StopRequest, at_end_of_input, take_priority
 
 
 def run(
@@ -36,22 +35,22 @@ def run(
         signal.signal(number, stop.make)
     if tethered:
         at_end_of_input(stop.make)
-    sail(approved, stop, source=config)
-
-
-def sail(approved: Approved, stop: Callable[[], bool], *, source: Path) -> None:
-    """Open everything, loop until `stop` says so, close everything, and write the summary."""
-    from twinscrew.runtime.vessel.process import take
-    from twinscrew.runtime.vessel.realtime import Session
-
-    config = approved.config
-    refused = take(config.priority)
+    settings = approved.config
+    refused = take_priority(settings.priority)
     for words in refused:
-        print(f"{config.name}: ordinary priority: {words}", file=sys.stderr, flush=True)
-    approval = str(approved.approval or "")
-    session = Session(config, source=source, stop=stop, refused=refused, approval=approval)
-    with only_approved(approved.contents), session:
-        print(f"{config.name}: running", file=sys.stderr, flush=True)
-        session.loop.run(stop)
-    summary = session.write_summary()
-    print(f"{config.name}: {summary.decisions} decisions, stopped", file=sys.stderr, flush=True)
+        _say(settings.name, f"ordinary priority: {words}")
+    from twinscrew.runtime.vessel.realtime import run_vessel  # Zenoh, after the priority
+
+    summary = run_vessel(
+        settings,
+        source=config,
+        stop=stop,
+        refused=refused,
+        approval=str(approved.approval or ""),
+        ready=lambda: _say(settings.name, "running"),
+    )
+    _say(settings.name, f"{summary.decisions} decisions, stopped")
+
+
+def _say(name: str, words: str) -> None:
+    print(f"{name}: {words}", file=sys.stderr, flush=True)

@@ -228,9 +228,9 @@ from pathlib import Path
 opened = set()
 sys.addaudithook(lambda event, args: opened.add(args[0]) if event == "open" else None)
 from twinscrew.runtime.app.approval import load_approved
-from twinscrew.runtime.vessel.vessel import make_controller
+from twinscrew.runtime.vessel.vessel import make_vessel
 
-make_controller(load_approved(Path(sys.argv[1])).config).core.pipeline.warm_up()
+make_vessel(load_approved(Path(sys.argv[1])).config).pipeline.warm_up()
 files = {Path(file).resolve() for file in opened if isinstance(file, str)}
 kinds = (".toml", ".onnx", ".parm", ".json", ".json5")
 print(json.dumps([str(file) for file in files if file.suffix in kinds]))

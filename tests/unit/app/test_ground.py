@@ -17,9 +17,9 @@ from twinscrew.runtime.link.wire import Wire
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Decision, Objects, Severity, Tracks
 from twinscrew.runtime.safety.events import GOAL_SET
-from twinscrew.runtime.vessel.outputs import Outlet
+from twinscrew.runtime.vessel.outputs import Publisher
 from twinscrew.runtime.vessel.realtime import Loop
-from twinscrew.runtime.vessel.vessel import Controller, Core
+from twinscrew.runtime.vessel.vessel import Vessel
 
 
 def decision() -> Decision:
@@ -108,10 +108,10 @@ def station() -> Iterator[Station]:
 
 def test_the_loop_sends_what_is_due_with_its_commands(station) -> None:
     inbox = Inbox()
-    controller = Controller(Core(make_pipeline(Steady())), AutopilotLink(AutopilotSettings()))
-    ground = GroundReport(GroundSettings(obstacles_hz=20.0, latency_hz=20.0), sees_m=20.0)
-    outlet = Outlet(None, None)
-    loop = Loop(controller, inbox, station.boat, outlet, rate_hz=50.0, ground=ground)
+    report = GroundReport(GroundSettings(obstacles_hz=20.0, latency_hz=20.0), sees_m=20.0)
+    link = AutopilotLink(AutopilotSettings())
+    vessel = Vessel(make_pipeline(Steady()), link, report=report)
+    loop = Loop(vessel, inbox, station.boat, Publisher(None, None), rate_hz=50.0)
     scans = iter(range(10_000))
 
     def sense_until_told() -> bool:
@@ -128,7 +128,7 @@ def test_the_loop_sends_what_is_due_with_its_commands(station) -> None:
     assert {"HEARTBEAT", "OBSTACLE_DISTANCE", "NAMED_VALUE_FLOAT"} <= set(station.heard)
     obstacles = station.heard["OBSTACLE_DISTANCE"][0]
     assert set(obstacles.distances) == {2001}  # no farther than perception looks
-    assert controller.stamp_ns >= stamp(0.0)
+    assert vessel.stamp_ns >= stamp(0.0)
 
 
 def test_tracked_vessels_are_told_once_a_second_if_it_is_known_where_they_are() -> None:

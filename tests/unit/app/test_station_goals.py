@@ -5,9 +5,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.harness.boat import Boat, odometry, stamp
 
-from twinscrew.runtime.app.ground import GroundReport
-from twinscrew.runtime.app.ground_desk import GroundDesk
-from twinscrew.runtime.geometry import quaternion_from_euler
+from twinscrew.runtime.geometry.frames import quaternion_from_euler
 from twinscrew.runtime.link.orders import OrderSettings
 from twinscrew.runtime.link.stations import Stations
 from twinscrew.runtime.link.wire import Wire
@@ -19,19 +17,17 @@ ACTIVE, PAUSED, COMPLETE = 3, 4, 5
 
 
 class Sea:
-    """A boat that is carried wherever a test wants it, its desk, and a station."""
+    """A boat that is carried wherever a test wants it, and a station."""
 
     def __init__(self, **changes: object) -> None:
-        self.boat = Boat(waypoints_m=())
-        link = self.boat.controller.link
-        link.stations = Stations(OrderSettings(**changes), None, US)
-        self.desk = GroundDesk(self.boat.controller, GroundReport())
+        stations = Stations(OrderSettings(**changes), None, US)
+        self.boat = Boat(waypoints_m=(), stations=stations)
         self.station, self.ear = Wire(*STATION), Wire(9, 9)
         self.fed: list[str] = []
 
     @property
     def mission(self):
-        return self.boat.controller.core.pipeline.mission
+        return self.boat.vessel.pipeline.mission
 
     @property
     def goal(self) -> list[float] | None:
@@ -40,17 +36,13 @@ class Sea:
 
     def say(self, message) -> list:
         """Let the station say something, and the desk serve; gives what goes out."""
-        self.boat.controller.from_autopilot(self.station.encode(message), self.boat.now_s)
+        self.boat.vessel.receive(self.station.encode(message), self.boat.now_s)
         return self.serve()
 
     def serve(self) -> list:
-        self.desk.serve(self.feed, self.boat.now_s)
-        sent = self.boat.controller.link.tick(self.boat.now_s)
-        return self.ear.decode(sent)
-
-    def feed(self, topic: str, payload: bytes) -> None:
-        self.fed.append(topic)
-        self.boat.take_in(topic, payload)
+        out = self.boat.vessel.tick(self.boat.now_s)
+        self.fed += [taken.topic for taken in out.messages if not taken.made_here]
+        return self.ear.decode(out.mavlink)
 
     def upload(self, *places: tuple[float, float]) -> list:
         sent = self.say(mavlink.MAVLink_mission_count_message(*US, len(places)))
@@ -76,8 +68,9 @@ class Sea:
         for k in range(steps + 2):
             share = min(1.0, (k + 1) / steps)
             self.boat.place = tuple(begin + share * ((north, east) - begin))
+            self.boat.sent.clear()
             self.boat.sail(0.1)
-            sent += self.serve()
+            sent += [*self.boat.sent, *self.serve()]
         return sent
 
 
@@ -106,7 +99,7 @@ def test_a_mission_is_sailed_place_after_place_and_each_one_is_told(sea) -> None
     told = sea.move_to(5.0, 1.5)
     assert [m.seq for m in of("MISSION_ITEM_REACHED", told)] == [2]
     assert of("MISSION_CURRENT", told)[-1].mission_state == COMPLETE
-    assert sea.boat.controller.decision.arrived
+    assert sea.boat.vessel.decision.arrived
 
 
 def test_the_boat_drives_on_while_it_turns_to_the_next_place(sea) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from twinscrew.runtime.vessel.config import RuntimeConfig, load_config
-from twinscrew.runtime.vessel.vessel import make_core
+from twinscrew.runtime.vessel.pipeline import make_pipeline
 
 ROOT = Path(__file__).parents[3]
 BOAT = ROOT / "deploy" / "boat.toml"
@@ -18,7 +18,7 @@ UNIT = ROOT / "deploy" / "twinscrew@.service"
 
 def test_the_example_configuration_loads_and_its_boat_can_be_made():
     config = load_config(BOAT)
-    make_core(config)
+    make_pipeline(config)
     assert config.name == "wamv"
 
 

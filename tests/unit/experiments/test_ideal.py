@@ -7,8 +7,7 @@ from twinscrew.hil_sim.experiments.episode import TruePerception, TrueTracker, s
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.world import World, make_world
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.geometry import rotation_2d
-from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.geometry.frames import rotation_2d
 
 
 @pytest.fixture
@@ -37,7 +36,7 @@ def test_a_vessel_that_has_left_is_not_seen(world: World) -> None:
 
 
 def test_perception_gives_places_as_seen_from_the_vessel(world: World) -> None:
-    perception = TruePerception(load_sensor("vrx32"), world, 2)
+    perception = TruePerception(world, 2, 20.0)
     odometry = world.odometry(2)
     objects = perception.step(world.cloud(2), odometry.q_NB)
     back = objects.p_L @ rotation_2d(odometry.heading).T
@@ -47,7 +46,7 @@ def test_perception_gives_places_as_seen_from_the_vessel(world: World) -> None:
 
 def test_tracking_gives_places_and_velocities_over_ground(world: World) -> None:
     odometry = world.odometry(2)
-    objects = TruePerception(load_sensor("vrx32"), world, 2).step(world.cloud(2), odometry.q_NB)
+    objects = TruePerception(world, 2, 20.0).step(world.cloud(2), odometry.q_NB)
     tracks = TrueTracker(world, 2, 20.0).step(objects, odometry)
     assert tracks.id.tolist() == surroundings(world, 2, 20.0).row.tolist()
     for id_, p_N, v_N in zip(tracks.id, tracks.p_N, tracks.v_N, strict=True):

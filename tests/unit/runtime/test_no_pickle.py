@@ -97,8 +97,7 @@ import numpy, onnxruntime, scipy, zenoh
 sys.addaudithook(refuse)
 from tests.replay.references import decide
 from twinscrew.runtime.app import approval, traffic
-from twinscrew.runtime.vessel import lockstep as stepped_process
-from twinscrew.runtime.vessel import realtime as session
+from twinscrew.runtime.vessel import lockstep, realtime
 assert len(decide("ac_iqn")) > 20
 import pickle, pathlib
 try:

@@ -14,7 +14,7 @@ from twinscrew.runtime.safety.guard import Guard
 from twinscrew.runtime.tracking.tracker import Tracker
 from twinscrew.runtime.vessel.config import RuntimeConfig
 from twinscrew.runtime.vessel.mission import Mission, MissionSettings
-from twinscrew.runtime.vessel.pipeline import Pipeline
+from twinscrew.runtime.vessel.pipeline import Pipeline, make_pipeline
 
 
 def pipeline(policy: Policy) -> Pipeline:
@@ -47,10 +47,14 @@ def moving(time_s: float, surge: float) -> Odometry:
 
 def approach(boat: Pipeline, buoy_m: float, scans: int, surge: float = 3.0) -> list[Decision]:
     """A buoy that stays as far ahead as it is, whatever the boat does."""
-    return [
-        boat.step(cloud(k / 10, pillar(buoy_m)), moving(k / 10, surge), engaged=True)
-        for k in range(scans)
-    ]
+    return [step(boat, k / 10, buoy_m, surge) for k in range(scans)]
+
+
+def step(
+    boat: Pipeline, time_s: float, buoy_m: float, surge: float = 3.0, *, engaged: bool = True
+) -> Decision:
+    scan = cloud(time_s, pillar(buoy_m))
+    return boat.step(scan, moving(time_s, surge), engaged=engaged)[0]
 
 
 def names(decisions: list[Decision]) -> list[str]:
@@ -84,9 +88,7 @@ def test_an_intervention_is_part_of_the_decision():
 
 def test_where_nobody_drives_nothing_is_overridden():
     boat = pipeline(Steady((1000.0, 1000.0)))
-    decisions = [
-        boat.step(cloud(k / 10, pillar(6.0)), moving(k / 10, 3.0), engaged=False) for k in range(8)
-    ]
+    decisions = [step(boat, k / 10, 6.0, engaged=False) for k in range(8)]
     assert not np.any([decision.thrust for decision in decisions])
     assert "assurance_intervened" not in names(decisions)
 
@@ -96,7 +98,7 @@ def test_after_a_policys_failure_the_thrust_is_neutral_whatever_is_ahead():
     boat = pipeline(policy)
     approach(boat, 6.5, 4)
     policy.failure = PolicyError("no")
-    decision = boat.step(cloud(0.5, pillar(6.5)), moving(0.5, 3.0), engaged=True)
+    decision = step(boat, 0.5, 6.5)
     assert "policy_error" in names([decision])
     assert decision.thrust.tolist() == [0.0, 0.0]
 
@@ -104,18 +106,16 @@ def test_after_a_policys_failure_the_thrust_is_neutral_whatever_is_ahead():
 def test_letting_go_of_the_boat_ends_a_manoeuvre():
     boat = pipeline(Steady((1000.0, 1000.0)))
     approach(boat, 6.5, 5)
-    boat.step(cloud(0.5, pillar(6.5)), moving(0.5, 3.0), engaged=False)
-    decision = boat.step(cloud(0.6), moving(0.6, 0.0), engaged=True)
+    step(boat, 0.5, 6.5, engaged=False)
+    decision, _ = boat.step(cloud(0.6), moving(0.6, 0.0), engaged=True)
     assert decision.acted
     assert "assurance_released" not in names([decision])
 
 
 @pytest.mark.parametrize("enabled", [True, False])
 def test_the_configuration_switches_it(enabled):
-    from twinscrew.runtime.vessel.vessel import make_core
-
     config = RuntimeConfig(policy="apf", assurance=AssuranceSettings(enabled=enabled))
-    boat = make_core(config).pipeline
+    boat = make_pipeline(config)
     assert boat.assurance is not None
     assert boat.assurance.settings.enabled is enabled
     assert boat.assurance.limits == config.thrust

@@ -24,7 +24,7 @@ def names(mission: Mission, *places: tuple[float, float]) -> list[str | None]:
 def test_without_a_goal_there_is_nothing_to_reach() -> None:
     mission = Mission()
     assert mission.goal is None
-    assert names(mission, (0, 0)) == [None]
+    assert names(mission, (0, 0), (0, 0)) == ["goal_missing", None]
     assert not mission.arrived
 
 

@@ -1,10 +1,10 @@
-"""None"""
+"""What a vessel gives is published, recorded, counted and hashed."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.harness.boat import Steady, cloud, make_pipeline, odometry
+from tests.harness.boat import Steady, decided, make_pipeline, odometry
 
 from twinscrew.runtime.app.recording import DecisionHash
 from twinscrew.runtime.bus.base import Received
@@ -13,7 +13,13 @@ from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Decision
 from twinscrew.runtime.safety.events import LIDAR_STALE, OVERRUN
-from twinscrew.runtime.vessel.outputs import PLACES, Outlet, Wake
+from twinscrew.runtime.vessel.outputs import (
+    PATH_PLACES,
+    Outputs,
+    Publisher,
+    SailedPath,
+    Taken,
+)
 
 OUTPUTS = ("decision", "objects", "tracks", "diagnostics", "thrust_left", "thrust_right")
 
@@ -38,7 +44,11 @@ class BrokenBus:
 
 
 def decide() -> Decision:
-    return make_pipeline(Steady()).step(cloud(0.0), odometry(0.0), engaged=True)
+    return decided(make_pipeline(Steady()), 0.0)
+
+
+def outputs(thrust=(0.0, 0.0), **parts: object) -> Outputs:
+    return Outputs(thrust=np.array(thrust), **parts)
 
 
 def test_a_decision_is_published_with_what_it_was_made_of_and_the_thrust() -> None:
@@ -46,7 +56,7 @@ def test_a_decision_is_published_with_what_it_was_made_of_and_the_thrust() -> No
     for topic in OUTPUTS:
         bus.subscribe(topic, lambda message: heard.update({message.topic: message.payload}))
     decision = decide()
-    Outlet(bus, None).decided(decision, np.array([12.0, -3.0]))
+    Publisher(bus, None).publish(outputs((12.0, -3.0), decision=decision))
     assert set(heard) == set(OUTPUTS) - {"diagnostics"}
     assert heard["decision"] == cdr.encode_decision(decision)
     assert cdr.decode_thrust(heard["thrust_left"]) == 12.0
@@ -55,9 +65,8 @@ def test_a_decision_is_published_with_what_it_was_made_of_and_the_thrust() -> No
 
 def test_what_is_published_is_recorded_with_the_clocks_time() -> None:
     book = Book()
-    outlet = Outlet(None, book, clock_ns=lambda: 7)
-    outlet.record("points", b"scan")
-    outlet.decided(decide(), np.zeros(2))
+    publisher = Publisher(None, book, clock_ns=lambda: 7)
+    publisher.publish(outputs(messages=[Taken("points", b"scan")], decision=decide()))
     assert book.pages[0] == ("points", b"scan", 7)
     assert [topic for topic, *_ in book.pages[1:]] == [
         "decision", "objects", "tracks", "thrust_left", "thrust_right"
@@ -65,19 +74,19 @@ def test_what_is_published_is_recorded_with_the_clocks_time() -> None:
 
 
 def test_decisions_are_counted_and_hashed_even_where_nobody_is_told() -> None:
-    outlet, expected = Outlet(None, None), DecisionHash()
+    publisher, expected = Publisher(None, None), DecisionHash()
     for _ in range(3):
-        outlet.decided(decide(), np.zeros(2))
+        publisher.publish(outputs(decision=decide()))
         expected.add(cdr.encode_decision(decide()))
-    assert (outlet.decisions, outlet.sha256) == (3, expected.hexdigest())
+    assert (publisher.decisions, publisher.sha256) == (3, expected.hexdigest())
 
 
 def test_events_are_told_together_with_the_newest_ones_time() -> None:
     bus, heard = MemoryBus("wamv"), []
     bus.subscribe("diagnostics", heard.append)
-    outlet = Outlet(bus, None, vessel="wamv")
-    outlet.happened((LIDAR_STALE.at(5, "old"), OVERRUN.at(9)))
-    outlet.happened(())
+    publisher = Publisher(bus, None, vessel="wamv")
+    publisher.report((LIDAR_STALE.at(5, "old"), OVERRUN.at(9)))
+    publisher.report(())
     (message,) = heard
     assert isinstance(message, Received)
     assert [e.name for e in cdr.decode_diagnostics(message.payload)] == ["lidar_stale", "overrun"]
@@ -85,28 +94,27 @@ def test_events_are_told_together_with_the_newest_ones_time() -> None:
 
 def test_a_broken_bus_stops_neither_the_loop_nor_the_recording() -> None:
     book = Book()
-    outlet = Outlet(BrokenBus(), book)
-    outlet.decided(decide(), np.zeros(2))
-    outlet.happened((OVERRUN.at(1),))
-    assert outlet.decisions == 1
+    publisher = Publisher(BrokenBus(), book)
+    publisher.publish(outputs(decision=decide(), events=[OVERRUN.at(1)]))
+    assert publisher.decisions == 1
     assert [topic for topic, *_ in book.pages][-1] == "diagnostics"
 
 
 def test_a_recorders_losses_are_told_when_they_begin_and_when_they_have_doubled() -> None:
     book = Book()
-    outlet = Outlet(None, book)
+    publisher = Publisher(None, book)
     told = []
     for dropped in (0, 0, 1, 1, 2, 3, 4, 7, 8):
         book.dropped = dropped
-        told.append(outlet.recorder_trouble() is not None)
+        told.append(publisher.recorder_trouble() is not None)
     assert told == [False, False, True, False, True, False, True, False, True]
     book.dropped, book.failure = 100, "the disk is full"
-    assert outlet.recorder_trouble() == "100 messages lost: the disk is full"
+    assert publisher.recorder_trouble() == "100 messages lost: the disk is full"
 
 
 @pytest.mark.parametrize("recorder", [None, Book()])
 def test_a_recorder_that_loses_nothing_is_no_trouble(recorder: Book | None) -> None:
-    assert Outlet(None, recorder).recorder_trouble() is None
+    assert Publisher(None, recorder).recorder_trouble() is None
 
 
 class Leaky(MemoryBus):
@@ -125,25 +133,25 @@ def test_what_is_missing_of_the_bus_is_told_by_topic_when_it_begins_and_when_it_
     None
 ):
     bus = Leaky()
-    outlet = Outlet(bus, None)
-    assert outlet.bus_trouble() is None
+    publisher = Publisher(bus, None)
+    assert publisher.bus_trouble() is None
     bus.counts = {"points too large": 1}
-    assert outlet.bus_trouble() == "1 points too large"
-    assert outlet.bus_trouble() is None
+    assert publisher.bus_trouble() == "1 points too large"
+    assert publisher.bus_trouble() is None
     bus.counts["odometry lost"] = 2
-    assert outlet.bus_trouble() == "1 points too large, 2 odometry lost"
+    assert publisher.bus_trouble() == "1 points too large, 2 odometry lost"
 
 
 def test_without_a_bus_nothing_is_missing_on_it() -> None:
-    assert Outlet(None, None).bus_trouble() is None
+    assert Publisher(None, None).bus_trouble() is None
 
 
 def test_the_state_is_told_once_a_second_for_those_who_come_late() -> None:
     book, times_ns = Book(), iter(np.arange(0, 3_000_000_000, 50_000_000).tolist())
     now = [0]
-    outlet = Outlet(None, book, clock_ns=lambda: now[0])
+    publisher = Publisher(None, book, clock_ns=lambda: now[0])
     for now[0] in times_ns:
-        outlet.state("ready" if now[0] < 1_500_000_000 else "active", 7)
+        publisher.state("ready" if now[0] < 1_500_000_000 else "active", 7)
     told = [cdr.decode_diagnostics(payload)[0] for _, payload, _ in book.pages]
     assert [(event.name, event.detail) for event in told] == [
         ("state_now", "ready"), ("state_now", "ready"), ("state_now", "active")
@@ -153,29 +161,22 @@ def test_the_state_is_told_once_a_second_for_those_who_come_late() -> None:
 def test_the_way_that_was_sailed_is_published() -> None:
     bus, heard = MemoryBus("wamv"), []
     bus.subscribe("path", lambda message: heard.append(message.payload))
-    outlet = Outlet(bus, None)
+    publisher = Publisher(bus, None)
     for k in range(41):
-        outlet.record("odometry", cdr.encode_odometry(odometry(0.05 * k, north=0.1 * k)))
+        message = odometry(0.05 * k, north=0.1 * k)
+        publisher.publish(Outputs(messages=[Taken("odometry", b"", message)]))
     assert len(heard) == 3
     np.testing.assert_allclose(cdr.decode_path(heard[-1])[1][-1], (4.0, 0.0), atol=0.11)
 
 
-def test_nobody_is_told_of_the_way_if_nobody_listens() -> None:
-    outlet = Outlet(None, None)
-    outlet.record("odometry", b"not even read")
-
-
-# -- The way that was sailed: a place a metre, told once a second.
-
-
-def sail(wake, times_s, speed=2.0):
+def sail(path, times_s, speed=2.0):
     """Go north; give what was told."""
-    payloads = (cdr.encode_odometry(odometry(t, north=speed * t)) for t in times_s)
-    return [told for told in (wake.see(payload) for payload in payloads) if told is not None]
+    paths = (path.step(odometry(t, north=speed * t)) for t in times_s)
+    return [encoded for encoded in paths if encoded is not None]
 
 
 def test_it_is_told_once_a_second_with_a_place_a_metre():
-    told = sail(Wake(), np.arange(0.0, 10.0, 0.05))
+    told = sail(SailedPath(), np.arange(0.0, 10.0, 0.05))
     assert len(told) == 10
     _, places_N = cdr.decode_path(told[-1])
     np.testing.assert_allclose(np.diff(places_N[:, 0]), 1.0, atol=0.11)
@@ -183,22 +184,28 @@ def test_it_is_told_once_a_second_with_a_place_a_metre():
 
 
 def test_a_boat_at_rest_leaves_one_place():
-    told = sail(Wake(), np.arange(0.0, 5.0, 0.05), speed=0.0)
+    told = sail(SailedPath(), np.arange(0.0, 5.0, 0.05), speed=0.0)
     assert len(cdr.decode_path(told[-1])[1]) == 1
 
 
 def test_a_long_way_keeps_its_end():
-    told = sail(Wake(), np.arange(0.0, 2.0 * PLACES, 1.0))
+    told = sail(SailedPath(), np.arange(0.0, 2.0 * PATH_PLACES, 1.0))
     _, places_N = cdr.decode_path(told[-1])
-    assert len(places_N) == PLACES
-    assert places_N[-1, 0] == 2.0 * (2.0 * PLACES - 1)
+    assert len(places_N) == PATH_PLACES
+    assert places_N[-1, 0] == 2.0 * (2.0 * PATH_PLACES - 1)
 
 
 def test_a_clock_set_back_does_not_silence_it():
-    wake = Wake()
-    sail(wake, [100.0])
-    assert len(sail(wake, [10.0, 10.5, 11.1])) == 2
+    path = SailedPath()
+    sail(path, [100.0])
+    assert len(sail(path, [10.0, 10.5, 11.1])) == 2
 
 
-def test_what_is_no_odometry_is_passed_over():
-    assert Wake().see(b"nonsense") is None
+def test_only_what_was_made_here_is_published_and_all_of_it_is_recorded() -> None:
+    bus, heard, book = MemoryBus("wamv"), [], Book()
+    for topic in ("odometry", "points"):
+        bus.subscribe(topic, heard.append)
+    taken = [Taken("points", b"scan"), Taken("odometry", b"own", made_here=True)]
+    Publisher(bus, book, clock_ns=lambda: 7).publish(Outputs(messages=taken))
+    assert [message.payload for message in heard] == [b"own"]
+    assert book.pages == [("points", b"scan", 7), ("odometry", b"own", 7)]

@@ -1,4 +1,4 @@
-"""Odometry from the autopilot: in the LiDAR's time, fed to the core like the bus's."""
+"""Odometry from the autopilot, in the LiDAR's time, and from GPS and IMU."""
 
 import math
 
@@ -6,27 +6,25 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.harness.boat import EPOCH_NS, SECOND, Steady, cloud, make_pipeline
+from tests.harness.boat import EPOCH_NS, SECOND, Steady, cloud, feed, make_pipeline
 from tests.harness.boat import odometry as odometry_at
 from tests.harness.circling import DT_S, Circling
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.telemetry import Origin
+from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.estimation.inertial import InertialFilter
 from twinscrew.runtime.estimation.settings import EstimationSettings
+from twinscrew.runtime.geometry.frames import quaternion_from_euler
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.link.datum import EARTH_RADIUS_M, Datum
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.vessel.config import RuntimeConfig, autopilot_of
-from twinscrew.runtime.vessel.own_odometry import (
-    ANOTHER_CLOCK_NS,
-    WINDOW,
-    Alignment,
-    AlignmentSettings,
-    AutopilotOdometry,
-)
-from twinscrew.runtime.vessel.realtime import inputs_of
-from twinscrew.runtime.vessel.vessel import Controller, Core, make_controller
+from twinscrew.runtime.messages.odometry import as_read_back
+from twinscrew.runtime.messages.types import Odometry
+from twinscrew.runtime.vessel.config import RuntimeConfig, autopilot_of, inputs_of
+from twinscrew.runtime.vessel.inputs import ANOTHER_CLOCK_NS, WINDOW, Alignment, AlignmentSettings
+from twinscrew.runtime.vessel.outputs import Outputs
+from twinscrew.runtime.vessel.vessel import Vessel, make_vessel
 
 MS = SECOND // 1000
 ORIGIN = Origin(latitude_deg=-33.0, longitude_deg=151.0)
@@ -97,35 +95,41 @@ def test_stamps_of_the_systems_clock_need_no_guess() -> None:
 
 
 class Sailing:
-    """A controller whose odometry comes from its autopilot, without sockets."""
+    """A vessel whose odometry comes from its autopilot, without sockets."""
 
     def __init__(self, lidar_begin_ns: int = EPOCH_NS, datum: Datum | None = None) -> None:
         self.lidar_begin_ns = lidar_begin_ns
         settings = AutopilotSettings(state_hz=20.0, arm=True, receiver_fitted=False, datum=datum)
-        link = AutopilotLink(settings)
-        source = AutopilotOdometry(link, Alignment())
-        self.controller = Controller(Core(make_pipeline(Steady())), link, source)
+        pipeline = make_pipeline(Steady())
+        self.vessel = Vessel(pipeline, AutopilotLink(settings), alignment=Alignment())
         self.pilot = RoverAutopilot(RoverAutopilotSettings(), 1, ORIGIN)
         self.fed = []
         self.decisions = []
+        self.events = []
 
     def sail(self, seconds: float) -> "Sailing":
         """A boat that goes north with 2 m/s."""
         for k in range(round(seconds / 0.05)):
             now_s = round(k * 0.05, 6)
             if k % 2 == 0:
-                stamp_ns = self.lidar_begin_ns + round(now_s * SECOND)
-                scan = cdr.encode_point_cloud(cloud((stamp_ns - EPOCH_NS) / SECOND))
-                handled = self.controller.take_in("points", scan, now_s)
-                self.decisions += [handled.decision] if handled.decision else []
+                self.scan(self.lidar_begin_ns + round(now_s * SECOND), now_s)
             true = odometry_at(now_s, north=2.0 * now_s)
-            self.controller.from_autopilot(self.pilot.step(now_s, true), now_s)
-            for payload in self.controller.own_odometry():
-                self.fed.append(cdr.decode_odometry(payload))
-                self.controller.take_in("odometry", payload, now_s)
-            self.controller.supervise(now_s)
-            self.pilot.receive(self.controller.command(now_s), now_s)
+            self.tick(self.pilot.step(now_s, true), now_s)
         return self
+
+    def scan(self, stamp_ns: int, now_s: float) -> None:
+        scan = cdr.encode_point_cloud(cloud((stamp_ns - EPOCH_NS) / SECOND))
+        self._note(feed(self.vessel, "points", scan, now_s), now_s)
+
+    def tick(self, said: bytes, now_s: float) -> None:
+        self._note(self.vessel.receive(said, now_s), now_s)
+        self._note(self.vessel.tick(now_s), now_s)
+
+    def _note(self, out: Outputs, now_s: float) -> None:
+        self.pilot.receive(out.mavlink, now_s)
+        self.fed += [taken.message for taken in out.messages if taken.topic == "odometry"]
+        self.decisions += [out.decision] if out.decision else []
+        self.events += out.events
 
 
 @pytest.mark.parametrize("begin_s", [0, -1_000_000, 1_000_000])
@@ -141,7 +145,7 @@ def test_what_is_fed_has_the_lidars_stamps_whatever_its_clock_says(begin_s: int)
 def test_scans_are_decided_on_and_the_boat_may_drive() -> None:
     boat = Sailing().sail(4.0)
     assert len(boat.decisions) > 20
-    assert boat.controller.engaged
+    assert boat.vessel.engaged
 
 
 def test_with_a_datum_the_link_asks_for_the_autopilots_origin_and_counts_from_the_datum() -> None:
@@ -157,42 +161,32 @@ def test_with_a_datum_the_link_asks_for_the_autopilots_origin_and_counts_from_th
 def test_an_autopilot_that_falls_silent_is_stale_odometry() -> None:
     boat = Sailing().sail(4.0)
     boat.pilot.step = lambda now_s, true: b""
-    names = []
     for k in range(20):
-        now_s = 4.0 + k * 0.05
-        _, events = boat.controller.supervise(now_s)
-        names += [event.name for event in events]
-    assert "odometry_stale" in names
-    assert not boat.controller.engaged
+        boat.tick(b"", 4.0 + k * 0.05)
+    assert "odometry_stale" in [event.name for event in boat.events]
+    assert not boat.vessel.engaged
 
 
 def test_scans_of_the_last_second_that_a_stamp_can_say_stop_the_boat_and_not_the_run() -> None:
     end_ns = 2**31 * SECOND
     boat = Sailing(end_ns - 5 * SECOND).sail(4.9)
-    assert boat.controller.engaged
-    events = []
+    assert boat.vessel.engaged
     for k in range(40):
         now_s = 5.0 + k * 0.05
-        scan = cdr.encode_point_cloud(cloud((end_ns - SECOND + k - EPOCH_NS) / SECOND))
-        boat.controller.take_in("points", scan, now_s)
-        boat.controller.from_autopilot(boat.pilot.step(now_s, odometry_at(now_s)), now_s)
-        for payload in boat.controller.own_odometry():
-            boat.controller.take_in("odometry", payload, now_s)
-        events += boat.controller.supervise(now_s)[1]
-    assert any(e.name == "bad_message" and "is not a stamp" in e.detail for e in events)
-    assert not boat.controller.engaged
+        boat.scan(end_ns - SECOND + k, now_s)
+        boat.tick(boat.pilot.step(now_s, odometry_at(now_s)), now_s)
+    assert any(e.name == "bad_message" and "is not a stamp" in e.detail for e in boat.events)
+    assert not boat.vessel.engaged
 
 
-def test_from_the_bus_nothing_of_the_autopilots_is_fed() -> None:
-    controller = make_controller(RuntimeConfig(policy="apf"))
-    assert not controller.has_own_odometry
-    assert controller.own_odometry() == []
+def test_from_the_bus_nothing_of_the_autopilots_is_taken() -> None:
+    assert not make_vessel(RuntimeConfig(policy="apf")).follows_autopilot
     assert "odometry" in inputs_of(RuntimeConfig())
 
 
 def test_the_configuration_chooses_the_source_and_asks_for_it() -> None:
     config = RuntimeConfig(odometry_source="autopilot", policy="apf")
-    assert make_controller(config).has_own_odometry
+    assert make_vessel(config).follows_autopilot
     assert autopilot_of(config).state_hz == 20.0
     assert "odometry" not in inputs_of(config)
     assert "gps" not in inputs_of(config)
@@ -209,43 +203,69 @@ def test_positions_do_not_move_when_they_are_encoded() -> None:
     assert steps == pytest.approx([0.1] * len(steps), abs=1e-5)
 
 
+@given(
+    st.tuples(*[st.floats(-1e4, 1e4)] * 3),
+    st.tuples(*[st.floats(-math.pi, math.pi)] * 3),
+    st.tuples(*[st.floats(-20.0, 20.0)] * 6),
+)
+def test_own_odometry_is_taken_in_to_the_last_bit_as_a_replay_reads_it(
+    position, angles, motion
+) -> None:
+    made = Odometry(
+        stamp_ns=EPOCH_NS,
+        position_N=np.array(position),
+        q_NB=quaternion_from_euler(*angles),
+        velocity_B=np.array(motion[:3]),
+        rates_B=np.array(motion[3:]),
+    )
+    taken, read = as_read_back(made), cdr.decode_odometry(cdr.encode_odometry(made))
+    for name in ("position_N", "q_NB", "velocity_B", "rates_B"):
+        assert getattr(taken, name).tobytes() == getattr(read, name).tobytes()
+
+
+def test_own_odometry_that_is_no_number_is_refused() -> None:
+    with pytest.raises(MessageError, match="not finite"):
+        as_read_back(odometry_at(0.0, north=math.nan))
+
+
 class Estimating:
-    """A controller whose odometry is made of GPS and IMU."""
+    """A vessel whose odometry is made of GPS and IMU."""
 
     def __init__(self) -> None:
         config = RuntimeConfig(odometry_source="gps_imu", sensor="vrx16", policy="apf")
         assert {"gps", "imu"} < set(inputs_of(config))
         assert "odometry" not in inputs_of(config)
-        self.controller = make_controller(config)
+        self.vessel = make_vessel(config)
         self.events: list[str] = []
         self.decisions = 0
+        self.made = 0
         self.boat = Circling(settings=EstimationSettings())
         self.boat.spoil_imu = lambda imu, t: self.take("imu", cdr.encode_imu(imu), t)
         self.boat.spoil_fix = lambda fix, t: self.take("gps", cdr.encode_fix(fix), t)
 
     def take(self, topic: str, payload: bytes, now_s: float) -> None:
-        handled = self.controller.take_in(topic, payload, now_s)
-        self.events += [event.name for event in handled.events]
-        self.decisions += handled.decision is not None
+        self._note(feed(self.vessel, topic, payload, now_s))
 
     def sail(self, seconds: float) -> None:
         for _ in range(round(seconds / 0.1)):
             self.boat.sail(0.1)
             now_s = self.boat._steps * DT_S
-            for payload in self.controller.own_odometry():
-                self.take("odometry", payload, now_s)
             self.take("points", cdr.encode_point_cloud(cloud(now_s)), now_s)
-            _, events = self.controller.supervise(now_s)
-            self.events += [event.name for event in events]
+            self._note(self.vessel.tick(now_s))
+
+    def _note(self, out: Outputs) -> None:
+        self.events += [event.name for event in out.events]
+        self.decisions += out.decision is not None
+        self.made += sum(taken.topic == "odometry" for taken in out.messages)
 
 
-def test_gps_and_imu_become_the_cores_odometry() -> None:
+def test_gps_and_imu_become_odometry() -> None:
     sailing = Estimating()
     sailing.sail(5.0)
     assert sailing.events.count("estimate_ready") == 1
     assert sailing.decisions > 25
     assert "odometry_stale" not in sailing.events
-    assert sailing.controller.own_odometry() == []
+    assert sailing.made > 50
 
 
 def test_without_the_imu_odometry_is_stale() -> None:
@@ -264,9 +284,8 @@ def test_a_sensors_bytes_that_are_no_message_are_told_and_dropped(topic: str) ->
 
 
 def test_sensors_that_nobody_asked_for_are_passed_over() -> None:
-    controller = make_controller(RuntimeConfig(policy="apf"))
-    handled = controller.take_in("imu", b"nonsense", 1.0)
-    assert (handled.decision, handled.events) == (None, ())
+    out = feed(make_vessel(RuntimeConfig(policy="apf")), "imu", b"nonsense", 1.0)
+    assert (out.decision, out.events) == (None, [])
 
 
 def test_a_fault_of_the_estimation_stops_the_boat_and_not_the_loop(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.harness.boat import Steady, cloud, make_pipeline, odometry, stamp
+from tests.harness.boat import Steady, cloud, decided, make_pipeline, odometry, stamp
 
 from twinscrew.runtime.errors import MessageError, PolicyError
 from twinscrew.runtime.messages.types import Decision, Goal
@@ -16,7 +16,7 @@ def sail(
 ) -> list[Decision]:
     """Ten scans a second, the last one at `last_s`."""
     times = np.arange(first_s, last_s + 1e-6, 0.1)
-    return [pipeline.step(cloud(t), odometry(t), engaged=engaged) for t in times]
+    return [decided(pipeline, t, engaged=engaged) for t in times]
 
 
 def thrusts(decisions: list[Decision]) -> list[list[float]]:
@@ -84,7 +84,7 @@ def test_on_arrival_the_thrust_is_zero_and_stays_so() -> None:
     policy = Steady()
     pipeline = make_pipeline(policy, ((10.0, 0.0),))
     sail(pipeline, 0.0, 1.0)
-    there = pipeline.step(cloud(1.1), odometry(1.1, north=8.5), engaged=True)
+    there, _ = pipeline.step(cloud(1.1), odometry(1.1, north=8.5), engaged=True)
     assert (there.arrived, there.thrust.tolist()) == (True, [0.0, 0.0])
     assert names([there]) == ["goal_reached"]
     later = sail(pipeline, 1.2, 2.0)
@@ -97,7 +97,7 @@ def test_without_a_goal_it_says_so_once_and_waits_for_one() -> None:
     pipeline = make_pipeline(policy, ())
     assert names(sail(pipeline, 0.0, 2.0)) == ["goal_missing"]
     assert policy.asked == 0
-    pipeline.set_goal(Goal(stamp_ns=stamp(2.0), position_N=np.array([40.0, 0.0])))
+    pipeline.mission.set_goal(Goal(stamp_ns=stamp(2.0), position_N=np.array([40.0, 0.0])))
     assert thrusts(sail(pipeline, 2.1, 2.1)) == [[50.0, 50.0]]
 
 
@@ -180,7 +180,7 @@ def test_after_a_gap_in_which_everything_was_forgotten_the_boat_stands_still_fir
 def test_a_slow_lidar_is_watched_for_as_many_scans_as_a_track_needs() -> None:
     pipeline = make_pipeline(Steady())
     pipeline.reset()
-    at = [pipeline.step(cloud(t), odometry(t), engaged=True) for t in np.arange(0.0, 3.0, 0.5)]
+    at = [decided(pipeline, t) for t in np.arange(0.0, 3.0, 0.5)]
     assert [bool(np.any(decision.thrust)) for decision in at] == [False] * 4 + [True] * 2
 
 

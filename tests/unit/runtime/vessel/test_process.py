@@ -28,12 +28,12 @@ from twinscrew.runtime.vessel.process import (
 
 TAKE = """
 import json, os, resource, sys, threading
-from twinscrew.runtime.vessel.process import PrioritySettings, take
+from twinscrew.runtime.vessel.process import PrioritySettings, take_priority
 if {unprivileged}:
     resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
     resource.setrlimit(resource.RLIMIT_NICE, (0, 0))
     os.setresuid(65534, 65534, 65534)
-refused = take(PrioritySettings({settings}))
+refused = take_priority(PrioritySettings({settings}))
 seen = {{}}
 def look():
     seen["fifo"] = os.sched_getscheduler(0) == os.SCHED_FIFO

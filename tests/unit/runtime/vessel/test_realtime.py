@@ -24,15 +24,9 @@ from twinscrew.runtime.messages.header import write_header
 from twinscrew.runtime.messages.wire import Writer
 from twinscrew.runtime.safety.events import GREATEST_DETAIL
 from twinscrew.runtime.vessel.config import RuntimeConfig
-from twinscrew.runtime.vessel.outputs import Outlet
-from twinscrew.runtime.vessel.realtime import (
-    SUMMARY_FILE,
-    Loop,
-    Session,
-    nothing_told,
-    read_summary,
-    unused,
-)
+from twinscrew.runtime.vessel.outputs import Publisher
+from twinscrew.runtime.vessel.realtime import Loop, open_recorder, run_vessel, unused
+from twinscrew.runtime.vessel.summary import SUMMARY_FILE, RunSummary, read_summary
 
 SCAN_S = 0.1
 
@@ -123,9 +117,9 @@ class Rig:
         self.later: list[tuple[float, Callable[[], object]]] = []
         self.bus.subscribe("diagnostics", self._hear)
         self.bus.subscribe("thrust_left", lambda m: self.thrusts.append(m.payload))
-        self.outlet = Outlet(self.bus, None)
+        self.publisher = Publisher(self.bus, None)
         self.loop = Loop(
-            Boat().controller, self.sensors, self.line, self.outlet, rate_hz=20.0, clock=self.clock
+            Boat().vessel, self.sensors, self.line, self.publisher, rate_hz=20.0, clock=self.clock
         )
 
     def at(self, seconds: float, do: Callable[[], object]) -> None:
@@ -157,9 +151,9 @@ class Rig:
 def test_it_sails_and_every_decision_is_told_and_timed() -> None:
     rig = Rig().run(5.0)
     assert rig.line.autopilot.rover.armed
-    assert rig.outlet.decisions == pytest.approx(50, abs=1)
-    assert rig.loop.latencies.summary().count == rig.outlet.decisions
-    assert rig.loop.wire_latencies.summary().count == rig.outlet.decisions
+    assert rig.publisher.decisions == pytest.approx(50, abs=1)
+    assert rig.loop.latencies.summary().count == rig.publisher.decisions
+    assert rig.loop.wire_latencies.summary().count == rig.publisher.decisions
     assert max(cdr.decode_thrust(payload) for payload in rig.thrusts) > 100.0
 
 
@@ -215,10 +209,10 @@ def test_a_decision_that_comes_too_late_is_counted_told_and_degrades() -> None:
 def test_a_connection_that_breaks_is_told_once_and_the_loop_goes_on() -> None:
     rig = Rig().run(5.0)
     rig.line.broken = True
-    before = rig.outlet.decisions
+    before = rig.publisher.decisions
     rig.run(2.0)
     assert rig.names.count("link_down") == 1
-    assert rig.outlet.decisions > before + 15
+    assert rig.publisher.decisions > before + 15
     assert "autopilot_silent" in rig.names
     assert cdr.decode_thrust(rig.thrusts[-1]) == 0.0
     assert "link_restored" not in rig.names
@@ -248,40 +242,41 @@ def test_messages_that_the_bus_threw_away_are_told_once_and_degrade(
 
 
 STAGES = {
-    "perception": "controller.core.pipeline.perception.step",
-    "tracker": "controller.core.pipeline.tracker.step",
-    "mission": "controller.core.pipeline.mission.step",
-    "policy": "controller.core.pipeline.policy.act",
-    "assurance": "controller.core.pipeline.assurance.step",
-    "the core's guard": "controller.core.pipeline.guard.check",
-    "core": "controller.core.feed",
-    "watchdog": "controller._watchdog.check",
-    "ages": "controller._watchdog.too_old",
-    "the last guard": "controller._guard.check",
-    "health": "controller.health.step",
-    "taking in": "controller.take_in",
-    "noting": "controller.note",
-    "supervision": "controller.supervise",
-    "command": "controller.command",
-    "the autopilot's words": "controller.from_autopilot",
-    "the link's events": "controller.link.events",
-    "the link's command": "controller.link.command",
-    "the link's requests": "controller.link.tick",
-    "the line's bytes": "controller.link.receive",
-    "frames": "controller.link.wire.encode",
-    "ground desk": "loop._desk.serve",
-    "ground report": "loop._desk.report.due",
-    "announcements": "loop._desk.report.happened",
+    "perception": "vessel.pipeline.perception.step",
+    "tracker": "vessel.pipeline.tracker.step",
+    "mission": "vessel.pipeline.mission.step",
+    "policy": "vessel.pipeline.policy.act",
+    "assurance": "vessel.pipeline.assurance.step",
+    "the pipeline's guard": "vessel.pipeline.guard.check",
+    "scans": "vessel.inputs.scan",
+    "odometry": "vessel.inputs.odometry",
+    "watchdog": "vessel._watchdog.check",
+    "ages": "vessel._watchdog.too_old",
+    "the last guard": "vessel._guard.check",
+    "health": "vessel.health.step",
+    "taking in": "vessel.handle",
+    "noting": "vessel.note",
+    "supervision": "vessel.tick",
+    "command": "vessel._command",
+    "the autopilot's words": "vessel.receive",
+    "the link's events": "vessel.link.events",
+    "the link's command": "vessel.link.command",
+    "the link's requests": "vessel.link.tick",
+    "the line's bytes": "vessel.link.receive",
+    "frames": "vessel.link.wire.encode",
+    "ground stations": "vessel._ground.serve",
+    "ground report": "vessel.report.due",
+    "announcements": "vessel.report.happened",
     "service manager": "loop._manager.alive",
     "inbox": "loop._inbox.wait",
     "line in": "line.receive",
     "line out": "line.send",
-    "recording": "outlet.record",
-    "decision": "outlet.decided",
-    "health events": "outlet.happened",
-    "state": "outlet.state",
-    "thrust": "outlet.thrust",
-    "recorder": "outlet.recorder_trouble",
+    "recording": "publisher.publish",
+    "decision": "publisher._decide",
+    "health events": "publisher.report",
+    "state": "publisher.state",
+    "thrust": "publisher.thrust",
+    "recorder": "publisher.recorder_trouble",
     "bus": "bus.publish",
 }
 ENCODERS = (
@@ -308,8 +303,8 @@ def broken(rig: Rig, monkeypatch: pytest.MonkeyPatch, where: str) -> list[float]
     if where in ENCODERS:
         monkeypatch.setattr(cdr, where, fail)
         return raised
-    roots = {"loop": rig.loop, "controller": rig.loop._controller, "line": rig.line}
-    roots |= {"outlet": rig.outlet, "bus": rig.bus}
+    roots = {"loop": rig.loop, "vessel": rig.loop._vessel, "line": rig.line}
+    roots |= {"publisher": rig.publisher, "bus": rig.bus}
     root, *way, name = STAGES[where].split(".")
     part = roots[root]
     for step in way:
@@ -384,9 +379,6 @@ def test_the_garbage_collector_is_left_as_it_was() -> None:
     assert gc.get_freeze_count() == frozen
 
 
-# --
-
-
 def config(folder: Path, **recording: float) -> RuntimeConfig:
     return RuntimeConfig(
         bus=ZenohSettings(connect=()),
@@ -409,9 +401,9 @@ def test_a_boat_that_starts_again_keeps_its_recordings(tmp_path: Path) -> None:
 
 def test_a_boats_file_decides_how_its_recording_rotates(tmp_path: Path) -> None:
     settings = config(tmp_path, rotate_mb=0.05, quota_mb=0.2)
-    with Session(settings, source=tmp_path / "boat.toml") as session:
+    with open_recorder(tmp_path, settings, tmp_path / "boat.toml", Boat().vessel) as recorder:
         for number in range(50):
-            session._recorder.record("points", bytes(20_000), number)
+            recorder.record("points", bytes(20_000), number)
     files = list((tmp_path / "recording").glob("*.mcap"))
     assert len(files) > 2
     assert sum(file.stat().st_size for file in files) < 0.35e6
@@ -419,13 +411,21 @@ def test_a_boats_file_decides_how_its_recording_rotates(tmp_path: Path) -> None:
 
 def test_a_priority_that_was_refused_is_told_and_in_the_summary(tmp_path: Path) -> None:
     words = ("SCHED_FIFO 10: Operation not permitted",)
-    with Session(config(tmp_path), source=tmp_path / "boat.toml", refused=words) as session:
-        assert session.write_summary().priority_refused == words
+    opened = []
+    summary = run_vessel(
+        config(tmp_path),
+        source=tmp_path / "boat.toml",
+        stop=lambda: bool(opened),
+        refused=words,
+        ready=lambda: opened.append(True),
+    )
+    assert summary.priority_refused == words
+    assert read_summary(tmp_path) == summary
     assert b"priority_refused" in next((tmp_path / "recording").glob("*.mcap")).read_bytes()
 
 
-def test_a_runtime_that_was_killed_has_told_nothing() -> None:
-    summary = nothing_told("wamv1")
+def test_the_summary_of_a_runtime_that_was_killed_counts_nothing() -> None:
+    summary = RunSummary(name="wamv1")
     assert (summary.name, summary.decisions, summary.overruns) == ("wamv1", 0, 0)
     assert set(summary.latency_ms) == {"p50", "p99", "p999", "max"}
 

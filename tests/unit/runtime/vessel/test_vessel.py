@@ -1,4 +1,4 @@
-"""None"""
+"""A whole vessel without sockets: what it decides on, when it stops, and what lets it go on."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from tests.harness.boat import (
     Boat,
     Steady,
     cloud,
+    feed,
     make_pipeline,
     odometry,
     stamp,
@@ -20,41 +21,48 @@ from tests.harness.boat import (
 
 from twinscrew.hil_sim.autopilot.rover import Mode
 from twinscrew.runtime.errors import PolicyError, TwinscrewError
+from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Engagement, Goal
-from twinscrew.runtime.safety.guard import Guard
+from twinscrew.runtime.safety.guard import Guard, ThrustLimits
 from twinscrew.runtime.vessel.health import State
-from twinscrew.runtime.vessel.vessel import Core, Outcome
+from twinscrew.runtime.vessel.outputs import Outputs
+from twinscrew.runtime.vessel.vessel import Vessel
 
 
 class Dock:
-    """A core, and short words for what it is fed."""
+    """A vessel at the dock, and short words for what it takes in."""
 
     def __init__(self, *, engaged: bool = True, waypoints_m=FAR_AHEAD):
         self.policy = Steady()
-        self.core = Core(make_pipeline(self.policy, waypoints_m))
-        self.engage(engaged)
-
-    def engage(self, engaged: bool) -> Outcome:
+        pipeline = make_pipeline(self.policy, waypoints_m)
+        self.vessel = Vessel(pipeline, AutopilotLink(AutopilotSettings()))
         message = Engagement(stamp_ns=stamp(0), engaged=engaged)
-        return self.core.feed("engagement", cdr.encode_engagement(message))
+        self.feed("engagement", cdr.encode_engagement(message))
 
-    def odometry(self, time_s: float, north: float = 0.0) -> Outcome:
-        return self.core.feed("odometry", cdr.encode_odometry(odometry(time_s, north)))
+    def feed(self, topic: str, payload: bytes) -> Outputs:
+        return feed(self.vessel, topic, payload)
 
-    def scan(self, time_s: float) -> Outcome:
-        return self.core.feed("points", cdr.encode_point_cloud(cloud(time_s)))
+    def last_seen(self, topic: str) -> int | None:
+        """[ns] The stamp of the last message that was a sign of life of its sensor."""
+        return self.vessel._watchdog._inputs[topic].last_stamp_ns
 
-    def sail(self, first_s: float, last_s: float, north: float = 0.0) -> list[Outcome]:
+    def odometry(self, time_s: float, north: float = 0.0) -> Outputs:
+        return self.feed("odometry", cdr.encode_odometry(odometry(time_s, north)))
+
+    def scan(self, time_s: float) -> Outputs:
+        return self.feed("points", cdr.encode_point_cloud(cloud(time_s)))
+
+    def sail(self, first_s: float, last_s: float, north: float = 0.0) -> list[Outputs]:
         times = np.arange(first_s, last_s + 1e-6, 0.1)
         return [(self.odometry(t, north), self.scan(t))[1] for t in times]
 
 
-def names(*outcomes: Outcome) -> list[str]:
+def names(*outcomes: Outputs) -> list[str]:
     return [event.name for outcome in outcomes for event in outcome.events]
 
 
-def thrusts(outcomes: list[Outcome]) -> list[list[float]]:
+def thrusts(outcomes: list[Outputs]) -> list[list[float]]:
     return [outcome.decision.thrust.tolist() for outcome in outcomes]
 
 
@@ -65,7 +73,7 @@ def test_every_scan_with_odometry_is_a_decision() -> None:
     assert thrusts(outcomes)[-1] == [150.0, 150.0]
 
 
-def test_a_core_that_was_not_engaged_gives_no_thrust() -> None:
+def test_a_vessel_that_was_not_engaged_gives_no_thrust() -> None:
     assert not np.any(thrusts(Dock(engaged=False).sail(0.0, 2.0)))
 
 
@@ -77,7 +85,7 @@ def test_a_scan_without_odometry_near_its_time_is_not_used() -> None:
     assert names(early, late) == ["odometry_missing"] * 2
     assert early.decision is None
     assert late.decision is None
-    assert late.stamp_ns is None
+    assert dock.last_seen("points") is None
 
 
 @pytest.mark.parametrize("time_s", [1.0, 0.95, 0.2])
@@ -86,7 +94,8 @@ def test_a_scan_twice_or_late_is_dropped_and_no_sign_of_life(time_s: float) -> N
     dock.sail(0.0, 1.0)
     late = dock.scan(time_s)
     assert names(late) == ["out_of_order"]
-    assert (late.decision, late.stamp_ns) == (None, None)
+    assert late.decision is None
+    assert dock.last_seen("points") == stamp(1.0)
     assert names(*dock.sail(1.1, 1.2)) == []
 
 
@@ -95,7 +104,7 @@ def test_odometry_twice_or_late_is_dropped_and_no_sign_of_life() -> None:
     dock.sail(0.0, 1.0)
     twice, late = dock.odometry(1.0), dock.odometry(0.7)
     assert names(twice, late) == ["out_of_order"] * 2
-    assert (twice.stamp_ns, late.stamp_ns) == (None, None)
+    assert dock.last_seen("odometry") == stamp(1.0)
 
 
 @pytest.mark.parametrize("first", ["odometry", "scan"])
@@ -107,7 +116,7 @@ def test_a_clock_set_back_forgets_everything_and_goes_on_from_there(first: str) 
         ["clock_back"] if first == "odometry" else ["clock_back", "odometry_missing"]
     )
     assert dock.policy.resets == 1
-    assert dock.core.latest_ns == stamp(50.0)
+    assert dock.vessel.stamp_ns == stamp(50.0)
     again = dock.sail(50.1, 51.3)
     assert names(*again) == []
     assert not np.any(thrusts(again)[:10])
@@ -135,7 +144,7 @@ def test_scans_of_which_every_second_is_stamped_ten_seconds_old_keep_the_boat_st
         if k % 2:
             assert "clock_back" in names(outcome)
         assert outcome.decision is None or not np.any(outcome.decision.thrust)
-        assert dock.core.is_settling
+        assert dock.vessel.pipeline.is_settling
 
 
 def test_after_a_jump_the_boat_stands_still_for_a_second() -> None:
@@ -175,7 +184,7 @@ def test_odometry_a_thousand_times_a_second_fits_scans_that_come_late() -> None:
 def test_a_goal_is_taken_and_told() -> None:
     dock = Dock(waypoints_m=())
     goal = Goal(stamp_ns=stamp(0), position_N=np.array([30.0, -4.0]))
-    told = dock.core.feed("goal", cdr.encode_goal(goal))
+    told = dock.feed("goal", cdr.encode_goal(goal))
     assert names(told) == ["goal_set"]
     assert told.events[0].detail == "north 30.0 m, east -4.0 m"
     assert dock.sail(0.0, 0.0)[0].decision.observation.ego[:2].tolist() == [30.0, -4.0]
@@ -186,7 +195,7 @@ def test_a_goal_is_taken_and_told() -> None:
 def test_bytes_that_are_no_message_are_an_event(topic: str, payload: bytes) -> None:
     dock = Dock()
     dock.sail(0.0, 1.0)
-    told = dock.core.feed(topic, payload)
+    told = dock.feed(topic, payload)
     assert names(told) == ["bad_message"]
     assert told.events[0].detail.startswith(f"{topic}: ")
     assert told.events[0].stamp_ns == stamp(1.0)
@@ -198,14 +207,14 @@ def test_a_number_that_is_not_finite_is_no_odometry_and_no_goal() -> None:
     dock.sail(0.0, 1.0)
     lost = Goal(stamp_ns=0, position_N=np.array([np.nan, 0.0]))
     assert names(dock.odometry(1.1, north=np.inf)) == ["bad_message"]
-    assert names(dock.core.feed("goal", cdr.encode_goal(lost))) == ["bad_message"]
+    assert names(dock.feed("goal", cdr.encode_goal(lost))) == ["bad_message"]
 
 
 def test_a_cloud_of_nothing_but_nan_and_infinities_shows_no_object() -> None:
     dock = Dock()
     dock.odometry(0.0)
     points = np.array([[np.nan, 1, 2], [np.inf, -np.inf, 0], [1, np.nan, np.nan]] * 50)
-    told = dock.core.feed("points", cdr.encode_point_cloud(cloud(0.0, points)))
+    told = dock.feed("points", cdr.encode_point_cloud(cloud(0.0, points)))
     assert told.decision is not None
     assert len(told.decision.objects.p_B) == 0
     assert names(told) == []
@@ -215,9 +224,9 @@ def test_a_cloud_of_a_million_points_is_worked_on() -> None:
     dock = Dock()
     dock.odometry(0.0)
     points = np.random.default_rng(0).uniform(-30, 30, (1_000_000, 3))
-    told = dock.core.feed("points", cdr.encode_point_cloud(cloud(0.0, points)))
+    told = dock.feed("points", cdr.encode_point_cloud(cloud(0.0, points)))
     assert told.decision is not None
-    assert dock.core.pipeline.perception.report.points == 1_000_000
+    assert dock.vessel.pipeline.perception.report.points == 1_000_000
 
 
 def test_a_fault_of_the_policys_code_is_an_event_and_a_second_later_it_is_asked_again() -> None:
@@ -233,11 +242,9 @@ def test_a_fault_of_the_policys_code_is_an_event_and_a_second_later_it_is_asked_
     assert thrusts(dock.sail(2.6, 2.6)) == [[50.0, 50.0]]
 
 
-def test_a_topic_that_is_not_the_cores_is_an_event_too() -> None:
-    assert names(Dock().core.feed("clock", b"")) == ["internal_error"]
+def test_a_topic_that_is_no_input_is_an_event_too() -> None:
+    assert names(Dock().feed("clock", b"")) == ["internal_error"]
 
-
-# -- The whole boat, sans sockets: how long it takes to stop, and what lets it sail on.
 
 LIMIT_S = 0.5
 """[s] From losing an input to neutral thrust, at most."""
@@ -246,7 +253,7 @@ LIMIT_S = 0.5
 def under_way(**options: object) -> Boat:
     boat = Boat(**options).sail(4.0)
     assert boat.moves
-    assert boat.controller.state is State.ACTIVE
+    assert boat.vessel.state is State.ACTIVE
     boat.events.clear()
     return boat
 
@@ -287,7 +294,7 @@ def test_losing_an_input_stops_the_boat_in_half_a_second(topic, event, how) -> N
     boat.sail(2.0)
     assert boat.stopped_by(lost_s) <= LIMIT_S
     assert boat.first(event) - lost_s <= LIMIT_S
-    assert boat.controller.state is State.SAFE
+    assert boat.vessel.state is State.SAFE
     assert not boat.moves
 
 
@@ -305,7 +312,7 @@ def test_scans_that_come_a_second_late_are_no_sign_of_life() -> None:
     lost_s = boat.now_s
     boat.sail(4.0)
     assert boat.stopped_by(lost_s) <= LIMIT_S
-    assert boat.controller.state is State.SAFE
+    assert boat.vessel.state is State.SAFE
     assert not boat.moves
     assert boat.names.count("input_late") > 20
 
@@ -318,7 +325,7 @@ def test_an_input_that_comes_back_lets_the_boat_sail_on_without_a_restart(topic)
     boat.line = silence()
     boat.sail(1.5)
     assert "input_recovered" in boat.names
-    assert boat.controller.state is State.ACTIVE
+    assert boat.vessel.state is State.ACTIVE
     assert boat.moves
 
 
@@ -346,7 +353,7 @@ def test_a_held_thrust_ends_when_scans_come_but_odometry_never_fits_them() -> No
     assert boat.stopped_by(lost_s) <= LIMIT_S
     assert "odometry_missing" in boat.names
     assert not boat.moves
-    assert boat.controller.state is State.SAFE
+    assert boat.vessel.state is State.SAFE
 
 
 def test_damaged_bytes_are_no_sign_of_life() -> None:
@@ -364,7 +371,7 @@ def test_every_message_twice_changes_nothing_but_the_log() -> None:
     once.sail(3.0)
     twice.sail(3.0)
     assert twice.thrust.tolist() == once.thrust.tolist()
-    assert twice.controller.state is State.DEGRADED
+    assert twice.vessel.state is State.DEGRADED
     assert set(twice.names) == {"out_of_order", "active -> degraded"}
 
 
@@ -373,7 +380,7 @@ def test_a_jump_of_the_position_stops_the_boat_for_a_second() -> None:
     jump_s = boat.now_s
     boat.place = (30.0, -30.0)
     boat.sail(0.5)
-    assert boat.controller.state is State.SAFE
+    assert boat.vessel.state is State.SAFE
     boat.sail(2.0)
     still = [t for t, thrust in boat.thrusts if t > jump_s and not thrust.any()]
     assert boat.stopped_by(jump_s) <= LIMIT_S
@@ -387,10 +394,10 @@ def test_a_clock_set_back_an_hour_costs_a_second_of_thrust() -> None:
     boat.clock_offset_s = -3600.0
     boat.sail(1.0)
     assert boat.names.count("clock_back") == 1
-    assert boat.controller.state is State.SAFE
+    assert boat.vessel.state is State.SAFE
     assert not boat.moves
     boat.sail(1.0)
-    assert boat.controller.state is State.ACTIVE
+    assert boat.vessel.state is State.ACTIVE
     assert 0.0 < boat.thrust.max() <= 150.0
 
 
@@ -410,7 +417,7 @@ def test_scans_of_which_every_second_is_ten_seconds_old_keep_the_boat_still_and_
     assert boat.stopped_by(begun_s) <= LIMIT_S
     assert not any(thrust.any() for t, thrust in boat.thrusts if t > begun_s + LIMIT_S)
     assert boat.names.count("clock_back") > 20
-    assert boat.controller.state is State.SAFE
+    assert boat.vessel.state is State.SAFE
 
 
 def test_a_runtime_that_starts_in_an_armed_boat_looks_around_for_a_second_first() -> None:
@@ -429,7 +436,7 @@ def test_on_waking_from_a_stop_in_which_the_sensors_died_nothing_is_driven_or_as
     boat.sail(6.0)
     assert boat.driven[-1] <= stopped_s
     assert {"lidar_stale", "odometry_stale"} <= set(boat.names)
-    assert boat.controller.state is State.SAFE
+    assert boat.vessel.state is State.SAFE
 
 
 def test_on_waking_from_a_stop_with_live_sensors_the_boat_sails_on() -> None:
@@ -437,7 +444,7 @@ def test_on_waking_from_a_stop_with_live_sensors_the_boat_sails_on() -> None:
     boat.freeze(3.0, sensors_live_s=3.0)
     boat.sail(3.0)
     assert boat.moves
-    assert boat.controller.state is State.ACTIVE
+    assert boat.vessel.state is State.ACTIVE
 
 
 def test_a_pilots_mode_change_wins_and_is_not_undone() -> None:
@@ -449,7 +456,7 @@ def test_a_pilots_mode_change_wins_and_is_not_undone() -> None:
     assert boat.autopilot.rover.mode is Mode.HOLD
     assert "mode_taken" in boat.names
     assert "override_ignored" not in boat.names
-    assert boat.controller.state is State.READY
+    assert boat.vessel.state is State.READY
     boat.autopilot.rover.set_mode(Mode.MANUAL)
     boat.sail(2.0)
     assert boat.moves
@@ -464,7 +471,7 @@ def test_a_boat_that_was_disarmed_stays_disarmed() -> None:
     assert not boat.autopilot.rover.armed
     assert "autopilot_disarmed" in boat.names
     assert "override_ignored" not in boat.names
-    assert boat.controller.state is State.READY
+    assert boat.vessel.state is State.READY
     assert boat.policy.asked == asked
 
 
@@ -475,16 +482,12 @@ def test_a_silent_autopilot_stops_the_runtime_and_is_found_again(cut_s) -> None:
     boat.wire = False
     boat.sail(cut_s)
     assert boat.first("autopilot_silent") - lost_s <= 0.6
-    assert boat.controller.thrust.tolist() == [0.0, 0.0]
-    assert boat.controller.state is State.SAFE
+    assert boat.vessel.thrust.tolist() == [0.0, 0.0]
+    assert boat.vessel.state is State.SAFE
     assert not boat.moves  # its own failsafe
     boat.wire = True
     boat.sail(8.0)
-    if boat.autopilot.rover.mode is Mode.HOLD:  # which a pilot may have chosen: it is not left
-        assert boat.controller.state is State.READY
-        boat.autopilot.rover.set_mode(Mode.MANUAL)
-        boat.sail(2.0)
-    assert boat.controller.state is State.ACTIVE
+    assert boat.vessel.state is State.ACTIVE
     assert boat.moves
 
 
@@ -494,7 +497,7 @@ def test_overrides_that_are_ignored_are_named_and_thrust_is_withheld() -> None:
     boat.autopilot.rover.arm(force=True)
     boat.sail(6.0)
     assert "override_ignored" in boat.names
-    assert not boat.controller.engaged
+    assert not boat.vessel.engaged
 
 
 def test_an_autopilot_that_goes_on_disobeying_is_not_tried_for_ever() -> None:
@@ -511,7 +514,7 @@ def test_an_autopilot_that_goes_on_disobeying_is_not_tried_for_ever() -> None:
 def test_without_permission_to_arm_it_waits_for_somebody() -> None:
     boat = Boat(arm=False).sail(5.0)
     assert not boat.autopilot.rover.armed
-    assert boat.controller.state is State.READY
+    assert boat.vessel.state is State.READY
     boat.autopilot.rover.arm()
     boat.sail(2.0)
     assert boat.moves
@@ -523,10 +526,10 @@ def test_a_policy_that_fails_makes_the_boat_safe_until_it_answers_again() -> Non
     boat.policy.failure = PolicyError("it answered with NaN")
     boat.sail(2.0)
     assert boat.stopped_by(failed_s) <= boat.policy.period_s + TICK_S
-    assert boat.controller.state is State.SAFE
+    assert boat.vessel.state is State.SAFE
     boat.policy.failure = None
     boat.sail(0.5)
-    assert boat.controller.state is State.ACTIVE
+    assert boat.vessel.state is State.ACTIVE
     assert boat.moves
 
 
@@ -536,14 +539,14 @@ def test_a_fault_of_our_own_stops_the_boat_and_not_the_loop(failure) -> None:
     boat.policy.failure = failure
     boat.sail(2.0)
     assert not boat.moves
-    assert boat.controller.state is State.SAFE
+    assert boat.vessel.state is State.SAFE
     assert set(boat.names) == {"internal_error", "active -> safe"}
     detail = next(event.detail for _, event in boat.events if event.name == "internal_error")
     assert str(failure) in detail
     boat.policy.failure = None
     boat.sail(1.5)
     assert boat.moves
-    assert boat.controller.state is State.ACTIVE
+    assert boat.vessel.state is State.ACTIVE
 
 
 def test_arriving_ends_in_ready_with_the_propellers_at_rest() -> None:
@@ -551,19 +554,19 @@ def test_arriving_ends_in_ready_with_the_propellers_at_rest() -> None:
     boat.place = (49.0, 0.0)
     boat.sail(2.0)
     assert "goal_reached" in boat.names
-    assert boat.controller.state is State.READY
+    assert boat.vessel.state is State.READY
     assert not boat.moves
 
 
 def test_a_boat_without_a_goal_is_the_pilots_where_a_receiver_is_fitted() -> None:
     boat = Boat(waypoints_m=(), receiver_fitted=True, rover={"receiver": True}).sail(4.0)
-    assert boat.controller.state is State.READY
-    assert boat.controller.command(boat.now_s + TICK_S) == b""
+    assert boat.vessel.state is State.READY
+    assert boat.vessel.tick(boat.now_s + TICK_S).mavlink == b""
 
 
 def test_at_rest_the_last_bytes_stop_the_propellers() -> None:
     boat = under_way()
-    boat.autopilot.receive(boat.controller.rest(boat.now_s), boat.now_s)
+    boat.autopilot.receive(boat.vessel.rest(boat.now_s), boat.now_s)
     boat.autopilot.step(boat.now_s + 0.01)
     assert not boat.moves
 
@@ -575,15 +578,25 @@ def test_the_last_guard_stands_between_any_thrust_and_the_wire(monkeypatch) -> N
     monkeypatch.setattr(
         Guard, "check", lambda self, thrust, ns: checked.append(thrust) or check(self, thrust, ns)
     )
-    boat.controller.command(boat.now_s)
-    assert [thrust.tolist() for thrust in checked] == [boat.controller.thrust.tolist()]
+    boat.vessel.tick(boat.now_s)
+    assert [thrust.tolist() for thrust in checked] == [boat.vessel.thrust.tolist()]
 
 
-def test_events_of_the_link_bear_the_cores_time() -> None:
+def test_a_thrust_that_the_last_guard_refuses_is_zero_and_reported_once_a_decision() -> None:
+    boat = Boat(limits=ThrustLimits(min_n=-500.0, max_n=120.0))  # the pipeline allows 1000 N
+    tripped_s = boat.sail(5.0).first("guard_tripped")
+    assert any(thrust.any() for t, thrust in boat.thrusts if t < tripped_s)
+    assert not any(thrust.any() for t, thrust in boat.thrusts if t > tripped_s)
+    assert boat.vessel.state is State.SAFE
+    decisions = round((boat.now_s - tripped_s) / 0.1)
+    assert boat.names.count("guard_tripped") == pytest.approx(decisions, abs=1)
+
+
+def test_events_of_the_link_bear_the_vessels_time() -> None:
     boat = Boat().sail(4.0)
     stamps = [event.stamp_ns for _, event in boat.events if event.name == "autopilot_says"]
     assert stamps
-    assert all(abs(ns - boat.controller.stamp_ns) < 5e9 for ns in stamps)
+    assert all(abs(ns - boat.vessel.stamp_ns) < 5e9 for ns in stamps)
 
 
 def test_two_boats_with_the_same_past_do_the_same() -> None:
