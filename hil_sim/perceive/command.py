@@ -25,11 +25,11 @@ from twinscrew.hil_sim.perceive.foreign import (
     ground_below,
     objects_S,
 )
-from twinscrew.runtime.app.config import load_config, sensor_of
 from twinscrew.runtime.messages.types import Objects, PointCloud
 from twinscrew.runtime.perception.segmentation import HullSettings, PerceptionSettings
 from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
 from twinscrew.runtime.settings import convert
+from twinscrew.runtime.vessel.config import load_config, sensor_of
 
 
 def perceive(

@@ -13,7 +13,7 @@ from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.geometry import euler_from_quaternion
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS
-from twinscrew.runtime.perception.stage import Perception
+from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.vessel.config import RuntimeConfig, sensor_of
 
 M = TypeVar("M")

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.link.orders import GoTo, Halt, Order, Relative, Sail, Waypoint
 from twinscrew.runtime.link.stations import Stations
 from twinscrew.runtime.link.wire import Message

@@ -26,12 +26,12 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from msgspec import Meta
 
-from twinscrew.runtime.geometry.angles import wrap
-from twinscrew.runtime.geometry.frames import (
+from twinscrew.runtime.geometry import (
     interpolate_quaternion,
     quaternion_from_euler,
     quaternion_product,
     rotation_from_quaternion,
+    wrap,
 )
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,

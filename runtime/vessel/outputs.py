@@ -16,7 +16,7 @@ from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.app.recording import DecisionHash
 from twinscrew.runtime.bus.base import Bus
 from twinscrew.runtime.errors import BusError
-from twinscrew.runtime.geometry.frames import flu_to_frd, quaternion_from_euler
+from twinscrew.runtime.geometry import flu_to_frd, quaternion_from_euler
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.header import VESSEL_FRAME
 from twinscrew.runtime.messages.transforms import Transform, vessel_transform

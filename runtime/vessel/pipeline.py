@@ -290,7 +290,7 @@ def no_objects(stamp_ns: int) -> Objects:
     """Make the answer of a scan in which nothing could be seen."""
     return Objects(
         stamp_ns=stamp_ns,
-        p_B=np.empty((0, 2)),
+        p_L=np.empty((0, 2)),
         radius=np.empty(0),
         points=np.empty(0, dtype=np.int64),
     )

@@ -5,7 +5,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.harness.boat import Boat, odometry, stamp
 
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.link.orders import OrderSettings
 from twinscrew.runtime.link.stations import Stations
 from twinscrew.runtime.link.wire import Wire

@@ -7,7 +7,7 @@ from twinscrew.hil_sim.experiments.episode import TruePerception, TrueTracker, s
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.world import World, make_world
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.geometry.frames import rotation_2d
+from twinscrew.runtime.geometry import rotation_2d
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 from tests.harness.boat import cloud
 from tests.harness.boat import odometry as at_rest
 
-from twinscrew.runtime.geometry.frames import euler_from_quaternion, quaternion_from_euler
+from twinscrew.runtime.geometry import euler_from_quaternion, quaternion_from_euler
 from twinscrew.runtime.messages.types import Odometry
 from twinscrew.runtime.vessel.inputs import HISTORY_S, MOST_SAMPLES, Inputs
 

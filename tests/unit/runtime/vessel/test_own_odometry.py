@@ -13,9 +13,9 @@ from tests.harness.circling import DT_S, Circling
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.runtime.errors import MessageError
+from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.estimation.inertial import InertialFilter
-from twinscrew.runtime.estimation.settings import EstimationSettings
-from twinscrew.runtime.geometry.frames import quaternion_from_euler
+from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.link.datum import EARTH_RADIUS_M, Datum
 from twinscrew.runtime.messages import cdr
