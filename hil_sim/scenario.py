@@ -16,11 +16,11 @@ import numpy as np
 
 from twinscrew.hil_sim import random_scenario
 from twinscrew.hil_sim.random_scenario import Coordinate, RandomSettings
-from twinscrew.runtime.app.hull_settings import goal_radius
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import NonNegative, Positive, Settings, load, shipped
+from twinscrew.runtime.vessel.hull_settings import goal_radius
 from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
 
 Point = tuple[Coordinate, Coordinate]

@@ -9,12 +9,10 @@ from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sitl_settings import OdometrySource, SitlSettings
 from twinscrew.runtime.app.ground import GroundSettings
-from twinscrew.runtime.app.recording_settings import RecordingSettings
-from twinscrew.runtime.estimation.estimator import EstimationSettings
-from twinscrew.runtime.link.autopilot import AutopilotSettings
 from twinscrew.runtime.link.datum import Datum
-from twinscrew.runtime.vessel.config import RuntimeConfig
-from twinscrew.runtime.vessel.mission import MissionSettings
+from twinscrew.runtime.vessel.config import RuntimeConfig, config_for
+from twinscrew.runtime.vessel.hull_settings import expecting
+from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
 
 DATUM = Datum(latitude_deg=Origin().latitude_deg, longitude_deg=Origin().longitude_deg)
 """Where the scenarios' origin lies: the vessels sail in one frame."""

@@ -22,10 +22,10 @@ from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
 from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, FleetDynamics
 from twinscrew.hil_sim.vessel.rest import fleet_at_rest
-from twinscrew.runtime.app.hull_settings import lidar_on
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Odometry, PointCloud
 from twinscrew.runtime.perception.sensor import Sensor, load_sensor
 from twinscrew.runtime.settings import Positive, Settings, load, shipped
+from twinscrew.runtime.vessel.hull_settings import lidar_on
 from twinscrew.runtime.vessel_description import VesselDescription, load_vessel
 
 EPOCH_NS = 1_735_689_600 * NANOSECONDS_PER_SECOND

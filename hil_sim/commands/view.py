@@ -13,10 +13,9 @@ from typing import Annotated
 
 import typer
 
-from twinscrew.hil_sim.viewer import open_source
-from twinscrew.hil_sim.viewer.loopback import HOST, listen
-from twinscrew.hil_sim.viewer.server import serve
-from twinscrew.hil_sim.viewer.source import Source
+from twinscrew.hil_sim.viewer import sources
+from twinscrew.hil_sim.viewer.server import HOST, listen, serve
+from twinscrew.hil_sim.viewer.sources import RecordedSource, Source
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.vessel.process import at_end_of_input
 

@@ -46,7 +46,6 @@ from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.supervisor import Outcome
 from twinscrew.hil_sim.world import World, WorldSettings
-from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.app.replay import combined_sha256
 from twinscrew.runtime.errors import ConfigError, TwinscrewError
 from twinscrew.runtime.messages.types import (
@@ -58,13 +57,14 @@ from twinscrew.runtime.messages.types import (
     Tracks,
 )
 from twinscrew.runtime.perception.sensor import load_sensor
-from twinscrew.runtime.safety.assurance import Assurance, AssuranceSettings
+from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.events import ASSURANCE_INTERVENED
 from twinscrew.runtime.settings import load, shipped
 from twinscrew.runtime.tracking.tracker import Tracker
-from twinscrew.runtime.vessel.config import RuntimeConfig
-from twinscrew.runtime.vessel.mission import MissionSettings
+from twinscrew.runtime.vessel.config import RuntimeConfig, config_for
+from twinscrew.runtime.vessel.hull_settings import expecting
 from twinscrew.runtime.vessel.pipeline import Pipeline, make_pipeline
+from twinscrew.runtime.vessel_description import load_vessel
 
 POINTS = 100
 """[-] Number of points an ideal object claims to have: more than any stage asks for."""
@@ -385,13 +385,14 @@ def _config(task: Task, scenario: Scenario, vessel: int, folder: Path | None) ->
         name=name,
         sensor=task.sensor,
         policy=CLASSICAL[0] if by_chance else task.method.policy,  # `_pipeline` replaces it
-        assurance=unassured(AssuranceSettings(), task.switches),
-        mission=MissionSettings(goal_radius_m=scenario.goal_radius),
-        autopilot=AutopilotSettings(system_id=vessel + 1, arm=True, receiver_fitted=False),
-        recording=RecordingSettings(
-            folder=str(folder / name) if folder else "",
-            about={"scenario": scenario.name, "seed": str(task.seed)},
-        ),
+        assurance=unassured(task.switches),
+        mission={"goal_radius_m": scenario.goal_radius},
+        perception=expecting(scenario.types),
+        autopilot={"system_id": vessel + 1, "arm": True, "receiver_fitted": False},
+        recording={
+            "folder": str(folder / name) if folder else "",
+            "about": {"scenario": scenario.name, "seed": str(task.seed)},
+        },
     )
 
 

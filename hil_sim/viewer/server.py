@@ -32,10 +32,10 @@ from twinscrew.hil_sim.viewer.wire import (
     encode_frame,
     encode_words,
 )
-from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.errors import BusError, ConfigError, TwinscrewError
 from twinscrew.runtime.policy.colregs import ColregsSettings
 from twinscrew.runtime.safety.explain import OWN_RADIUS_M
+from twinscrew.runtime.vessel.config import RuntimeConfig
 
 HOST: Final = "127.0.0.1"
 LOCAL: Final = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d+)?")

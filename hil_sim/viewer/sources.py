@@ -25,7 +25,6 @@ from twinscrew.hil_sim.viewer.scene import (
 )
 from twinscrew.hil_sim.viewer.vessel import SHOWN, Places, Row, Vessel
 from twinscrew.hil_sim.viewer.wire import EventView, Order, Part
-from twinscrew.runtime.app.config import RuntimeConfig, load_config, sensor_of
 from twinscrew.runtime.app.recording import Recorded, Recording, find_recordings
 from twinscrew.runtime.bus.inbox import Inbox
 from twinscrew.runtime.bus.zenoh import ZenohBus
@@ -36,6 +35,7 @@ from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Goal
 from twinscrew.runtime.perception.sensor import Sensor, load_sensor
 from twinscrew.runtime.settings import convert
+from twinscrew.runtime.vessel.config import RuntimeConfig, load_config, sensor_of
 
 NANOSECONDS: Final = 1e-9
 FRAME_S = 0.1

@@ -14,6 +14,7 @@ from twinscrew.runtime.policy.onnx import OnnxPolicy
 from twinscrew.runtime.settings import shipped
 from twinscrew.runtime.vessel.config import RuntimeConfig
 from twinscrew.runtime.vessel.pipeline import expected_of_policies
+from twinscrew.runtime.vessel_description import load_vessel
 
 SAME = ("training_run", "commit", "created")
 """What a policy file and its card must agree on."""

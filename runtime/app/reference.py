@@ -17,6 +17,8 @@ import msgspec
 
 from twinscrew.runtime.settings import Settings
 from twinscrew.runtime.vessel.config import RuntimeConfig
+from twinscrew.runtime.vessel.hull_settings import hull_settings
+from twinscrew.runtime.vessel_description import load_vessel
 
 WIDTH = 100
 HEAD = """\

@@ -6,7 +6,7 @@ config/runtime.toml shows every key with its default, unit and meaning.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import msgspec
 from msgspec import Meta
@@ -27,9 +27,11 @@ from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.settings import Settings, convert, read_toml
 from twinscrew.runtime.tracking.tracker import TrackerSettings
+from twinscrew.runtime.vessel.hull_settings import hull_settings
 from twinscrew.runtime.vessel.inputs import AlignmentSettings, OdometryBufferSettings
 from twinscrew.runtime.vessel.mission import MissionSettings
 from twinscrew.runtime.vessel.process import PrioritySettings
+from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
 
 SENSED: Final = ("gps", "imu")
 """The topics that odometry is made of, with `odometry_source = "gps_imu"`."""

@@ -83,11 +83,13 @@ class SteppedRuntime:
             return b""
         self._now_s = now_s
         begin_ns = time.perf_counter_ns()
-        out = self.vessel.handle(Received(topic, payload, 0), now_s)
+        out, explanation = self.vessel.handle(Received(topic, payload, 0), now_s), None
         if out.decision is not None:
             self.latencies.add((time.perf_counter_ns() - begin_ns) / 1e6)
             self.vessel.report.decided(out.decision, 0.0, now_s)  # in simulated time, at once
-        self.publisher.publish(out)
+            if self.publisher.has_listeners:
+                explanation = self.vessel.explain(out.decision)
+        self.publisher.publish(out, explanation)
         return out.mavlink
 
     def exchange(self, data: bytes, now_s: float) -> bytes:

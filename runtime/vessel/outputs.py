@@ -29,7 +29,7 @@ from twinscrew.runtime.messages.types import (
     Odometry,
 )
 from twinscrew.runtime.perception.sensor import Sensor
-from twinscrew.runtime.safety.events import STATE_NOW
+from twinscrew.runtime.safety.events import AUTOPILOT_NOW, STATE_NOW
 from twinscrew.runtime.safety.guard import NEUTRAL
 
 STATE_EVERY_NS: Final = NANOSECONDS_PER_SECOND
@@ -104,35 +104,40 @@ class Publisher:
         self._path = SailedPath()
         self._state_ns: int | None = None
         self._recorder_losses, self._bus_losses = Losses(), Losses()
-        self._is_heard = bus is not None or recorder is not None
+        self.has_listeners = bus is not None or recorder is not None
+        """Whether anything is published or recorded."""
 
     @property
     def sha256(self) -> str:
         """SHA-256 over the encoded decisions so far."""
         return self._hash.hexdigest()
 
-    def publish(self, out: Outputs) -> None:
-        """Publish and record what came of a message or a tick."""
+    def publish(self, out: Outputs, explanation: Explanation | None = None) -> None:
+        """Publish and record what came of a message or a tick, and why it was so decided."""
         for taken in out.messages:
             self._take(taken)
         if out.decision is not None:
-            self._decide(out.decision, out.thrust)
+            self._decide(out.decision, out.thrust, explanation)
         self.report(out.events)
 
     def report(self, events: Iterable[HealthEvent]) -> None:
         """Publish and record health events."""
         events = tuple(events)
-        if events and self._is_heard:
+        if events and self.has_listeners:
             stamp_ns = max(event.stamp_ns for event in events)
             payload = cdr.encode_diagnostics(events, stamp_ns=stamp_ns, hardware_id=self._vessel)
             self._put("diagnostics", payload)
 
-    def state(self, state: str, stamp_ns: int) -> None:
-        """Publish the state once a second: who begins to listen has not received its change."""
+    def state(self, state: str, stamp_ns: int, autopilot: str = "") -> None:
+        """Publish the state once a second: who begins to listen has not received its change.
+
+        With it goes what is known of the autopilot, in words.
+        """
         now_ns, last_ns = self._clock_ns(), self._state_ns
         if last_ns is None or not 0 <= now_ns - last_ns < STATE_EVERY_NS:
             self._state_ns = now_ns
-            self.report((STATE_NOW.at(stamp_ns, state),))
+            known = (AUTOPILOT_NOW.at(stamp_ns, autopilot),) if autopilot else ()
+            self.report((STATE_NOW.at(stamp_ns, state), *known))
 
     def thrust(self, thrust: Float64) -> None:
         """Publish what the propellers are asked for: a VRX takes it from here."""
@@ -156,7 +161,7 @@ class Publisher:
 
     def _take(self, taken: Taken) -> None:
         """Record a message that was taken in, and what is drawn from odometry."""
-        if not self._is_heard:
+        if not self.has_listeners:
             return
         if taken.made_here:
             self._put(taken.topic, taken.payload)
@@ -171,12 +176,14 @@ class Publisher:
         elif taken.topic == "points" and self._frames is not None and taken.message is not None:
             self._frames.see(taken.message.frame_id)
 
-    def _decide(self, decision: Decision, thrust: Float64) -> None:
+    def _decide(self, decision: Decision, thrust: Float64, explanation: Explanation | None) -> None:
         payload = cdr.encode_decision(decision)
         self._hash.add(payload)
         self.decisions += 1
-        if self._is_heard:
+        if self.has_listeners:
             self._put("decision", payload)
+            if explanation is not None:
+                self._put("explanation", cdr.encode_explanation(explanation))
             self._put("objects", cdr.encode_object_markers(decision.objects))
             self._put("tracks", cdr.encode_track_markers(decision.tracks))
             self.thrust(thrust)

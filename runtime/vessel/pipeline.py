@@ -25,8 +25,7 @@ from twinscrew.runtime.messages.types import (
     Tracks,
 )
 from twinscrew.runtime.perception.segmentation import Perception
-from twinscrew.runtime.policy.base import Policy
-from twinscrew.runtime.policy.load import load_policy
+from twinscrew.runtime.policy.load import Policy, load_policy
 from twinscrew.runtime.policy.metadata import PolicyExpectation
 from twinscrew.runtime.policy.observation import ObservationSettings, observe
 from twinscrew.runtime.safety.assurance import Assurance
@@ -36,6 +35,7 @@ from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
 from twinscrew.runtime.tracking.view import View
 from twinscrew.runtime.vessel.config import RuntimeConfig, sensor_of
 from twinscrew.runtime.vessel.mission import Mission
+from twinscrew.runtime.vessel_description import load_vessel
 
 Fault: TypeAlias = HealthEvent
 """The event by which a stage reports that it failed."""
@@ -269,7 +269,10 @@ def make_pipeline(
     return Pipeline(
         perception=perception or Perception(sensor, config.perception),
         tracker=tracker or Tracker(config.tracking, View.of(sensor)),
-        policy=policy or load_policy(config.policy, expected_of_policies(config), config.risk),
+        policy=policy
+        or load_policy(
+            config.policy, expected_of_policies(config), config.risk, load_vessel(config.vessel)
+        ),
         mission=Mission(config.mission),
         guard=Guard(config.thrust),
         observation=config.observation,
@@ -283,6 +286,7 @@ def expected_of_policies(config: RuntimeConfig) -> PolicyExpectation:
         thrust_min_n=config.thrust.min_n,
         thrust_max_n=config.thrust.max_n,
         perception_range_m=config.perception.max_range_m,
+        vessel=load_vessel(config.vessel).name,
     )
 
 

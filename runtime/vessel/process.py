@@ -32,7 +32,7 @@ class PrioritySettings(Settings, frozen=True):
     """[-] Real-time priority (SCHED_FIFO); 0: none. Needs LimitRTPRIO, CAP_SYS_NICE or root."""
     nice: Annotated[int, Meta(ge=-20, le=19)] = -10
     """[-] Where that is refused or 0: this nice value, lower is more urgent."""
-    cpus: tuple[Annotated[int, Meta(ge=0)], ...] = ()
+    cpus: tuple[Annotated[int, Meta(ge=0, le=1023)], ...] = ()
     """[-] Cores to run on; empty: those that the system gives."""
 
 

@@ -103,12 +103,14 @@ class Loop:
     def _compute(self, message: Received) -> None:
         if message.topic == "points" and self._vessel.follows_autopilot:
             self._read_autopilot(self._clock())  # a scan wants the newest odometry
-        out = self._vessel.handle(message, self._clock())
+        out, explanation = self._vessel.handle(message, self._clock()), None
         if out.decision is not None:
             self._send(out.mavlink)
             latency_ms = self._note_latency(message)
             self._vessel.report.decided(out.decision, latency_ms, self._clock())
-        self._publisher.publish(out)
+            if self._publisher.has_listeners:
+                explanation = self._vessel.explain(out.decision)
+        self._publisher.publish(out, explanation)
 
     def _tick(self) -> None:
         now_s = self._clock()
@@ -120,8 +122,9 @@ class Loop:
         self._publisher.thrust(out.thrust)
         self._report(RECORDER, self._publisher.recorder_trouble())
         self._report(MESSAGES_MISSING, self._publisher.bus_trouble())
-        self._publisher.state(self._vessel.state.value, self._vessel.stamp_ns)
-        self._manager.alive(now_s, self._vessel.state.value)
+        state, autopilot = self._vessel.state.value, self._vessel.link.status.words
+        self._publisher.state(state, self._vessel.stamp_ns, autopilot)
+        self._manager.alive(now_s, state)
 
     def _guarded(self, do: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | None:
         """Do something; what it raises stops the propellers, not the loop."""
@@ -234,10 +237,11 @@ def run_vessel(
     inbox = Inbox()
     with ExitStack() as stack:
         connection = config.autopilot.connection
-        opened = await_transport(connection, config.autopilot.wait_s, stop)
-        transport = reopening(connection, opened)
-        stack.callback(transport.close)
         vessel = make_vessel(config)
+        known = vessel.link.recognises
+        opened = await_transport(connection, config.autopilot.wait_s, stop, known)
+        transport = reopening(connection, opened, known)
+        stack.callback(transport.close)
         vessel.pipeline.warm_up()
         bus = ZenohBus(config.bus, config.name)
         stack.callback(bus.close)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twinscrew.runtime.errors import RecordingError
-from twinscrew.runtime.policy.base import Policy
+from twinscrew.runtime.policy.load import Policy
 from twinscrew.runtime.vessel.config import RuntimeConfig
 
 SUMMARY_FILE: Final = "runtime.json"

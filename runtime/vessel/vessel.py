@@ -26,6 +26,7 @@ from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.types import (
     Decision,
     Engagement,
+    Explanation,
     Float64,
     HealthEvent,
     Odometry,
@@ -36,8 +37,8 @@ from twinscrew.runtime.safety.events import (
     LIDAR_STALE,
     ODOMETRY_STALE,
 )
-from twinscrew.runtime.safety.guard import NEUTRAL, Guard, ThrustLimits
-from twinscrew.runtime.safety.watchdog import Watchdog
+from twinscrew.runtime.safety.explain import assurance_manoeuvre, explain
+from twinscrew.runtime.safety.guard import NEUTRAL, Guard, ThrustLimits, Watchdog
 from twinscrew.runtime.vessel.config import SENSED, RuntimeConfig, autopilot_of
 from twinscrew.runtime.vessel.health import Facts, Health, State
 from twinscrew.runtime.vessel.inputs import Alignment, Inputs, OdometryBufferSettings, Verdict
@@ -48,8 +49,6 @@ WATCHED = {"points": LIDAR_STALE, "odometry": ODOMETRY_STALE}
 """The inputs that must keep coming, and what it is called when they do not."""
 FAULT_HOLD_S = 1.0
 """[s] After a fault of the runtime itself the thrust is neutral for this long."""
-DISOBEYED_S = 5.0
-"""[s] After the autopilot ignored the commands, neutral thrust this long before the next try."""
 
 
 class Vessel:
@@ -116,7 +115,8 @@ class Vessel:
         self._fault = False
         self._has_looked = not looks_first
         self._inputs_too_old = False
-        self._disobeyed_until_s = self._held_until_s = self._now_s = -math.inf
+        self._held_until_s = self._now_s = -math.inf
+        self._manoeuvre = ""
 
     @property
     def state(self) -> State:
@@ -178,12 +178,11 @@ class Vessel:
         out.events += (*self._watchdog.check(now_s, stamp_ns), *link_events)
         self.note(tuple(out.events), now_s)
         status = self.link.status
-        may_drive = self._may_drive(status, now_s)
-        change = self.health.step(self._facts(status, may_drive, now_s), stamp_ns)
+        change = self.health.step(self._facts(status, now_s), stamp_ns)
         if change is not None:
             self._tell(out, now_s, change)
         ready = self._has_looked and now_s >= self._held_until_s and not self._watchdog.stale
-        self._engage(may_drive and ready, out)
+        self._engage(status.engaged and ready, out)
         self._ground.serve(
             lambda topic, payload: self._take(Taken(topic, payload), out, now_s), stamp_ns, now_s
         )
@@ -204,6 +203,22 @@ class Vessel:
         """Give the last MAVLink bytes of a run: propellers at stop."""
         self.engaged = False
         return self.link.command(NEUTRAL, now_s) + self.link.tick(now_s)
+
+    def explain(self, decision: Decision) -> Explanation | None:
+        """Say what the newest decision does and why; None before the first odometry.
+
+        Words must never stop the boat: whatever fails in making them leaves them out.
+        """
+        self._manoeuvre = assurance_manoeuvre(decision, self._manoeuvre) if self.engaged else ""
+        odometry, goal = self.inputs.newest, self.pipeline.mission.goal
+        if odometry is None:
+            return None
+        goal_N = None if goal is None else goal.position_N
+        acts = self.engaged and not self._inputs_too_old and self._now_s >= self._held_until_s
+        try:
+            return explain(decision, odometry, goal_N, engaged=acts, assurance=self._manoeuvre)
+        except Exception:  # see above
+            return None
 
     # -- One message.
 
@@ -323,16 +338,11 @@ class Vessel:
             out.events += events
             self.note(events, now_s)
 
-    def _may_drive(self, status: AutopilotStatus, now_s: float) -> bool:
-        if status.obeying is False:
-            self._disobeyed_until_s = now_s + DISOBEYED_S
-        return status.engaged and now_s >= self._disobeyed_until_s
-
-    def _facts(self, status: AutopilotStatus, may_drive: bool, now_s: float) -> Facts:
+    def _facts(self, status: AutopilotStatus, now_s: float) -> Facts:
         return Facts(
             inputs_heard=self._watchdog.all_heard and status.message_age_s < math.inf,
             inputs_fresh=not self._watchdog.stale and status.connected,
-            may_drive=may_drive,
+            may_drive=status.engaged,
             fault=self._fault or now_s < self._held_until_s,
             knows_surroundings=self._has_looked and not self.pipeline.is_settling,
             has_goal=self.pipeline.mission.target is not None,

@@ -21,8 +21,6 @@ from tests.harness.boat import Boat, cloud, odometry
 from tests.harness.work import calls_of
 
 from twinscrew.runtime.app.ground import GroundReport, GroundSettings
-from twinscrew.runtime.app.loop import Loop
-from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.bus.memory import MemoryBus
 from twinscrew.runtime.link.carrier import Transport
@@ -32,6 +30,8 @@ from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.header import write_header
 from twinscrew.runtime.messages.types import Goal
 from twinscrew.runtime.messages.wire import Writer
+from twinscrew.runtime.vessel.outputs import Outlet
+from twinscrew.runtime.vessel.realtime import Loop
 
 MOST_CALLS = 150_000
 """[-] Of one message: the longest route whose places are in frames of their own takes 119 000."""

@@ -14,8 +14,7 @@ from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import CORE_INPUTS
 from twinscrew.runtime.messages.types import Decision, Engagement, Goal
-from twinscrew.runtime.policy.base import Policy
-from twinscrew.runtime.policy.load import load_policy
+from twinscrew.runtime.policy.load import Policy, load_policy
 from twinscrew.runtime.vessel.health import State
 from twinscrew.runtime.vessel.outputs import Publisher
 from twinscrew.runtime.vessel.vessel import Vessel

@@ -89,7 +89,7 @@ def rough_afternoon() -> Iterator[tuple[str, bytes]]:
 def record(folder: Path, config: RuntimeConfig = CONFIG) -> str:
     vessel = vessel_for_replay(config)
     metadata = metadata_of(config, vessel.pipeline.policy)
-    with Recorder(folder, config.name, metadata, lossless=True) as recorder:
+    with Recorder(folder, config.name, metadata, config.recording, lossless=True) as recorder:
         publisher = Publisher(None, recorder, clock_ns=lambda: 0)
         for topic, payload in rough_afternoon():
             publisher.publish(feed(vessel, topic, payload))

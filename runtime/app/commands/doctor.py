@@ -46,7 +46,8 @@ def doctor(
     from twinscrew.runtime.app.checks_files import Sources
     from twinscrew.runtime.app.finding import Verdict
     from twinscrew.runtime.errors import ConfigError
-    from twinscrew.runtime.vessel.config import RuntimeConfig, load_config
+    from twinscrew.runtime.vessel.config import config_for, load_config
+    from twinscrew.runtime.vessel_description import DEFAULT
 
     settings = (
         load_config(config, vessel)

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from twinscrew.runtime.app.approval import check_manifest, files_of, load_approved
+from twinscrew.runtime.bus.zenoh_config import zenoh_config
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.files import only_approved
 from twinscrew.runtime.integrity.manifest import manifest_text
@@ -20,6 +21,7 @@ from twinscrew.runtime.integrity.minisign import make_key, sign, write_keys
 from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.settings import CONFIG_DIR
 from twinscrew.runtime.vessel.config import load_config
+from twinscrew.runtime.vessel.vessel import make_vessel
 
 SECRET = make_key()
 
@@ -182,7 +184,7 @@ def test_what_is_read_after_the_check_is_what_was_checked(dock: Dock) -> None:
     for file in (dock.config, dock.policy, dock.zenoh):
         file.write_bytes(b"evil")
     with only_approved(approved.contents):
-        policy = make_controller(approved.config).core.pipeline.policy
+        policy = make_vessel(approved.config).pipeline.policy
         zenoh_config(approved.config.bus)
         assert load_config(dock.config) == approved.config
     assert policy.sha256 == checked

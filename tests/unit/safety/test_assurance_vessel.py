@@ -9,6 +9,7 @@ from tests.reference.sailing import calm, sail
 from twinscrew.hil_sim.vessel.dynamics import VesselDynamics
 from twinscrew.hil_sim.vessel.rest import at_rest
 from twinscrew.hil_sim.vessel.state import VesselState
+from twinscrew.runtime._native import Law
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.policy.vessel_model import VesselModel, VesselParameters
 from twinscrew.runtime.safety.prediction import (
@@ -20,6 +21,7 @@ from twinscrew.runtime.safety.prediction import (
 )
 from twinscrew.runtime.settings import convert
 from twinscrew.runtime.vessel.config import RuntimeConfig
+from twinscrew.runtime.vessel_description import load_vessel
 
 PUBLISHED = AssuranceVessel(
     inertia=(380.0, 400.0, 1430.0),

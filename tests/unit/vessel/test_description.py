@@ -14,7 +14,6 @@ from twinscrew.hil_sim.shapes import vessel_shape
 from twinscrew.hil_sim.vessel.dynamics import VesselDynamics
 from twinscrew.hil_sim.vessel.rest import at_rest, equilibrium
 from twinscrew.runtime import vessel_estimates as estimate
-from twinscrew.runtime.app.config import RuntimeConfig, config_for, load_config
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.link.paddles import PaddleSettings, pwm_from_thrust, thrust_from_pwm
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS, Observation
@@ -23,6 +22,7 @@ from twinscrew.runtime.policy.load import InHullUnits, load_policy
 from twinscrew.runtime.policy.vessel_model import VesselModel, VesselParameters
 from twinscrew.runtime.safety.prediction import AssuranceVessel
 from twinscrew.runtime.settings import convert
+from twinscrew.runtime.vessel.config import RuntimeConfig, config_for, load_config
 from twinscrew.runtime.vessel_description import (
     VesselDescription,
     VesselTable,
@@ -124,7 +124,7 @@ def test_a_hull_moves_the_same_in_its_own_units(
 @given(tables())
 @settings(deadline=None)
 def test_settings_for_any_hull_are_accepted(table: VesselTable) -> None:
-    from twinscrew.runtime.app.hull_settings import hull_settings
+    from twinscrew.runtime.vessel.hull_settings import hull_settings
 
     config = convert(hull_settings(describe(table, key="drawn")), RuntimeConfig)
     assert config.thrust.max_n == table.thrust_max_n
@@ -238,8 +238,8 @@ def test_what_a_configuration_gives_wins_over_what_follows_the_hull(tmp_path: Pa
 
 
 def test_a_policy_for_another_vessel_is_refused_by_both_names() -> None:
-    from twinscrew.runtime.app.assemble import make_core
     from twinscrew.runtime.errors import PolicyError
+    from twinscrew.runtime.vessel.vessel import make_core
 
     with pytest.raises(PolicyError, match=r"trained for 'WAM-V 16'.*Blue Robotics BlueBoat.*mpc"):
         make_core(config_for("blueboat", policy="ac_iqn"))

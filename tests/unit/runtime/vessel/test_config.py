@@ -1,6 +1,9 @@
 from pathlib import Path
 
 import pytest
+from twinscrew.hil_sim.vessel.parameters import load_vessel
+from twinscrew.training.settings_table import six_settings
+from twinscrew.training.train_settings import load_training
 
 from twinscrew.hil_sim.bench.budgets import load_budgets
 from twinscrew.hil_sim.experiments.plan import load_sets
@@ -9,14 +12,11 @@ from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.shapes import load_shape
 from twinscrew.hil_sim.soak.limits import load_soak
-from twinscrew.hil_sim.vessel.parameters import load_vessel
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.settings import CONFIG_DIR, load
 from twinscrew.runtime.vessel.config import RuntimeConfig, load_config
-from twinscrew.training.settings_table import six_settings
-from twinscrew.training.train_settings import load_training
 
 READERS = {
     "runtime.toml": load_config,

@@ -487,6 +487,10 @@ def test_a_silent_autopilot_stops_the_runtime_and_is_found_again(cut_s) -> None:
     assert not boat.moves  # its own failsafe
     boat.wire = True
     boat.sail(8.0)
+    if boat.autopilot.rover.mode is Mode.HOLD:  # which a pilot may have chosen: it is not left
+        assert boat.vessel.state is State.READY
+        boat.autopilot.rover.set_mode(Mode.MANUAL)
+        boat.sail(2.0)
     assert boat.vessel.state is State.ACTIVE
     assert boat.moves
 
@@ -508,7 +512,7 @@ def test_an_autopilot_that_goes_on_disobeying_is_not_tried_for_ever() -> None:
     boat.autopilot.rover.parameters.set("PILOT_STEER_TYPE", 1.0)
     boat.sail(5.0)
     assert boat.moves
-    assert boat.controller.state is State.ACTIVE
+    assert boat.vessel.state is State.ACTIVE
 
 
 def test_without_permission_to_arm_it_waits_for_somebody() -> None:
@@ -607,14 +611,14 @@ def test_two_boats_with_the_same_past_do_the_same() -> None:
 
 def test_the_boat_says_what_it_does_and_why_and_that_it_is_held() -> None:
     boat = under_way()
-    controller = boat.controller
-    assert controller.decision is not None
-    said = controller.explain(controller.decision)
+    vessel = boat.vessel
+    assert vessel.decision is not None
+    said = vessel.explain(vessel.decision)
     assert said is not None
     assert said.sentence.startswith("Sailing to the goal")
     boat.line = silence("points")
     boat.sail(2.0)
-    said = controller.explain(controller.decision)
+    said = vessel.explain(vessel.decision)
     assert said is not None
     assert said.sentence.startswith("Not driving, propellers at rest")
 
@@ -624,7 +628,7 @@ def test_words_that_cannot_be_made_are_left_out_and_stop_nothing(monkeypatch) ->
         raise ZeroDivisionError("in making a sentence")
 
     boat = under_way()
-    controller = boat.controller
-    assert controller.decision is not None
-    monkeypatch.setattr("twinscrew.runtime.app.controller.explain", stumble)
-    assert controller.explain(controller.decision) is None
+    vessel = boat.vessel
+    assert vessel.decision is not None
+    monkeypatch.setattr("twinscrew.runtime.vessel.vessel.explain", stumble)
+    assert vessel.explain(vessel.decision) is None
