@@ -1,9 +1,6 @@
 from pathlib import Path
 
 import pytest
-from twinscrew.hil_sim.vessel.parameters import load_vessel
-from twinscrew.training.settings_table import six_settings
-from twinscrew.training.train_settings import load_training
 
 from twinscrew.hil_sim.bench.budgets import load_budgets
 from twinscrew.hil_sim.experiments.plan import load_sets
@@ -17,6 +14,9 @@ from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.settings import CONFIG_DIR, load
 from twinscrew.runtime.vessel.config import RuntimeConfig, load_config
+from twinscrew.runtime.vessel_description import load_vessel
+from twinscrew.training.scenarios import six_settings
+from twinscrew.training.settings import load_training
 
 READERS = {
     "runtime.toml": load_config,

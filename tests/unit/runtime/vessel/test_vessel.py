@@ -216,7 +216,7 @@ def test_a_cloud_of_nothing_but_nan_and_infinities_shows_no_object() -> None:
     points = np.array([[np.nan, 1, 2], [np.inf, -np.inf, 0], [1, np.nan, np.nan]] * 50)
     told = dock.feed("points", cdr.encode_point_cloud(cloud(0.0, points)))
     assert told.decision is not None
-    assert len(told.decision.objects.p_B) == 0
+    assert len(told.decision.objects.p_L) == 0
     assert names(told) == []
 
 
