@@ -31,8 +31,8 @@ from twinscrew.runtime.policy.observation import ObservationSettings, observe
 from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.events import PERCEPTION_ERROR, POLICY_ERROR, TRACKS_FORGOTTEN
 from twinscrew.runtime.safety.guard import NEUTRAL, Guard
+from twinscrew.runtime.tracking.lidar import SensorView
 from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
-from twinscrew.runtime.tracking.view import View
 from twinscrew.runtime.vessel.config import RuntimeConfig, sensor_of
 from twinscrew.runtime.vessel.mission import Mission
 from twinscrew.runtime.vessel_description import load_vessel
@@ -268,7 +268,7 @@ def make_pipeline(
     sensor = sensor_of(config)
     return Pipeline(
         perception=perception or Perception(sensor, config.perception),
-        tracker=tracker or Tracker(config.tracking, View.of(sensor)),
+        tracker=tracker or Tracker(config.tracking, SensorView.of(sensor)),
         policy=policy
         or load_policy(
             config.policy, expected_of_policies(config), config.risk, load_vessel(config.vessel)
