@@ -227,3 +227,19 @@ def test_objects_stay_in_the_files_axes_wherever_the_sensor_sits() -> None:
 def settings_over(height_m: float) -> PerceptionSettings:
     water = WaterSettings(surface_m=-height_m, clearance_m=0.3)
     return PerceptionSettings(hull=None, water=water)
+
+
+@pytest.mark.parametrize("sensor", ["vlp16", "os1_64"])
+@pytest.mark.parametrize("rings", [True, False])
+def test_points_at_random_that_no_sensor_takes_are_perceived_all_the_same(
+    sensor: str, rings: bool
+) -> None:
+    rng = np.random.default_rng(0)
+    for count in (100, 300, 700, 2000):
+        for points in (rng.uniform(-20, 20, (count, 3)), rng.normal(0.0, 5.0, (count, 3))):
+            ring = rng.integers(0, 65_535, count).astype(np.uint16) if rings else None
+            chosen = choose(
+                cloud_of(points), ring, load_sensor(sensor), PerceptionSettings(hull=None)
+            )
+            chosen.perception.step(cloud_of(points), LEVEL)
+            assert chosen.perception.report.points == count
