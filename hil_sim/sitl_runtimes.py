@@ -11,7 +11,7 @@ from twinscrew.hil_sim.sitl_settings import OdometrySource, SitlSettings
 from twinscrew.runtime.app.config import RuntimeConfig, config_for
 from twinscrew.runtime.app.ground import GroundSettings
 from twinscrew.runtime.app.hull_settings import expecting
-from twinscrew.runtime.link.datum import Datum
+from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
 
 DATUM = Datum(latitude_deg=Origin().latitude_deg, longitude_deg=Origin().longitude_deg)

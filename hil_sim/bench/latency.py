@@ -17,7 +17,7 @@ from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.controller import Controller
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.errors import TwinscrewError
-from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Engagement, Odometry, PointCloud
 from twinscrew.runtime.perception.segmentation import Perception

@@ -16,7 +16,7 @@ from twinscrew.hil_sim.world import make_world
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.app.session import RunSummary, read_summary
-from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
 from twinscrew.runtime.perception.sensor import load_sensor
 
 FLEETS = (1, 5)

@@ -27,8 +27,7 @@ from twinscrew.runtime.app.session import RunSummary, inputs_of
 from twinscrew.runtime.app.stepped import SteppedRuntime
 from twinscrew.runtime.app.stepped_process import SERVICE, Orders, Rest, Step
 from twinscrew.runtime.bus.steps import Asker
-from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.errors import BusError, LinkError
 from twinscrew.runtime.messages.types import Float64, Odometry
 

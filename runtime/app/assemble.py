@@ -13,8 +13,8 @@ from twinscrew.runtime.app.odometry_source import (
     OdometrySource,
 )
 from twinscrew.runtime.app.pipeline import Pipeline
-from twinscrew.runtime.link.autopilot import AutopilotLink
-from twinscrew.runtime.link.stations import Stations
+from twinscrew.runtime.ground.stations import Stations
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink
 from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.policy.load import load_policy
 from twinscrew.runtime.policy.metadata import PolicyExpectation

@@ -19,10 +19,10 @@ from twinscrew.runtime.app.odometry_buffer import OdometryBufferSettings
 from twinscrew.runtime.app.odometry_source import AlignmentSettings
 from twinscrew.runtime.app.priority import PrioritySettings
 from twinscrew.runtime.app.recording_settings import RecordingSettings
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.bus.zenoh import ZenohSettings
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.estimation.estimator import EstimationSettings
-from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.perception.segmentation import PerceptionSettings
 from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor

@@ -14,7 +14,7 @@ from twinscrew.runtime.app.core import Core
 from twinscrew.runtime.app.health import Facts, Health, State
 from twinscrew.runtime.app.odometry_source import SENSED, OdometrySource
 from twinscrew.runtime.errors import MessageError
-from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotStatus
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotStatus
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.types import (

@@ -24,8 +24,7 @@ from twinscrew.runtime.app.ground_desk import GroundDesk
 from twinscrew.runtime.app.latency import Latencies
 from twinscrew.runtime.app.notify import ServiceManager
 from twinscrew.runtime.app.outlet import Outlet
-from twinscrew.runtime.bus.base import Received
-from twinscrew.runtime.bus.inbox import Inbox
+from twinscrew.runtime.bus.base import Inbox, Received
 from twinscrew.runtime.errors import LinkError
 from twinscrew.runtime.link.transport import Transport
 from twinscrew.runtime.messages.types import HealthEvent

@@ -26,7 +26,7 @@ from typing import Literal, Protocol
 
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.estimation.estimator import EstimationSettings, Estimator
-from twinscrew.runtime.link.autopilot import AutopilotLink
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, HealthEvent
 from twinscrew.runtime.settings import NonNegative, Settings

@@ -21,11 +21,10 @@ from twinscrew.runtime.app.odometry_source import SENSED
 from twinscrew.runtime.app.outlet import Outlet
 from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.app.transforms import Frames
-from twinscrew.runtime.bus.inbox import Inbox
+from twinscrew.runtime.bus.base import Inbox
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import ConfigError, RecordingError
-from twinscrew.runtime.link.reopening import reopening
-from twinscrew.runtime.link.transport import await_transport
+from twinscrew.runtime.link.transport import await_transport, reopening
 from twinscrew.runtime.policy.load import Policy
 from twinscrew.runtime.safety.events import FILES_APPROVED, PRIORITY_REFUSED
 

@@ -17,7 +17,7 @@ import msgspec
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.session import RunSummary, inputs_of
 from twinscrew.runtime.app.stepped import SteppedRuntime
-from twinscrew.runtime.bus.inbox import Inbox
+from twinscrew.runtime.bus.base import Inbox
 from twinscrew.runtime.bus.steps import Answerer
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import BusError, TwinscrewError

@@ -8,8 +8,8 @@ from __future__ import annotations
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.geometry import flu_to_frd, quaternion_from_euler
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.header import VESSEL_FRAME
-from twinscrew.runtime.messages.transforms import Transform, vessel_transform
+from twinscrew.runtime.messages.navigation import VESSEL_FRAME
+from twinscrew.runtime.messages.visual import Transform, vessel_transform
 from twinscrew.runtime.perception.sensor import Sensor
 
 

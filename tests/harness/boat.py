@@ -18,9 +18,9 @@ from twinscrew.runtime.app.core import Core
 from twinscrew.runtime.app.mission import Mission, MissionSettings
 from twinscrew.runtime.app.pipeline import Pipeline
 from twinscrew.runtime.geometry import quaternion_from_euler
-from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
-from twinscrew.runtime.link.paddling import STOP
-from twinscrew.runtime.link.wire import Message, Wire
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.link.ardupilot.thrust import STOP
+from twinscrew.runtime.mavlink import Message, Wire
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import (
     Float64,

@@ -15,7 +15,7 @@ from twinscrew.hil_sim.world import make_world
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.mission import MissionSettings
 from twinscrew.runtime.app.pipeline import Pipeline
-from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
 from twinscrew.runtime.messages.types import Decision
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.safety.assurance import AssuranceSettings

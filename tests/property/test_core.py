@@ -12,7 +12,7 @@ from twinscrew.hil_sim.world import make_world
 from twinscrew.runtime.app.core import Core
 from twinscrew.runtime.app.health import State
 from twinscrew.runtime.app.outlet import Outlet
-from twinscrew.runtime.bus.memory import MemoryBus
+from twinscrew.runtime.bus.base import MemoryBus
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import CORE_INPUTS
 from twinscrew.runtime.messages.types import Decision, Engagement, Goal

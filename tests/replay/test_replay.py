@@ -32,8 +32,7 @@ from twinscrew.runtime.app.replay import Replay, combined_sha256, replay
 from twinscrew.runtime.app.session import metadata_of
 from twinscrew.runtime.errors import ConfigError, RecordingError
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.definitions import type_store
-from twinscrew.runtime.messages.topics import TOPICS
+from twinscrew.runtime.messages.topics import TOPICS, type_store
 from twinscrew.runtime.messages.types import Engagement, Goal
 from twinscrew.runtime.settings import CONFIG_DIR, convert
 

@@ -9,7 +9,7 @@ from twinscrew.runtime.app.checks import examine
 from twinscrew.runtime.app.checks_files import Sources, check_files
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.finding import Finding, Verdict
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.bus.zenoh import ZenohSettings
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ import pytest
 from twinscrew.runtime.app.checks_network import check_network, check_permissions, endpoint_of
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.finding import Verdict
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
-from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.bus.zenoh import ZenohSettings
+from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
 
 HOST = "127.0.0.1"
 

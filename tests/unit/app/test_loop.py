@@ -11,12 +11,11 @@ from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotS
 from twinscrew.hil_sim.autopilot.rover import Mode
 from twinscrew.runtime.app.loop import Loop
 from twinscrew.runtime.app.outlet import Outlet
-from twinscrew.runtime.bus.base import Received
-from twinscrew.runtime.bus.memory import MemoryBus
+from twinscrew.runtime.bus.base import MemoryBus, Received
 from twinscrew.runtime.errors import LinkError
-from twinscrew.runtime.link.carrier import Transport
+from twinscrew.runtime.link.transport import Transport
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.header import write_header
+from twinscrew.runtime.messages.navigation import write_header
 from twinscrew.runtime.messages.wire import Writer
 from twinscrew.runtime.safety.events import GREATEST_DETAIL
 

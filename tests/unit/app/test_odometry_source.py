@@ -24,10 +24,10 @@ from twinscrew.runtime.app.odometry_source import (
     AutopilotOdometry,
 )
 from twinscrew.runtime.app.session import inputs_of
+from twinscrew.runtime.datum import EARTH_RADIUS_M, Datum
 from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.estimation.inertial import InertialFilter
-from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
-from twinscrew.runtime.link.datum import EARTH_RADIUS_M, Datum
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.messages import cdr
 
 MS = SECOND // 1000

@@ -11,9 +11,9 @@ from twinscrew.runtime.app.session import (
     read_summary,
     unused,
 )
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.bus.zenoh import ZenohSettings
 from twinscrew.runtime.errors import RecordingError
-from twinscrew.runtime.link.settings import AutopilotSettings
+from twinscrew.runtime.link.ardupilot.settings import AutopilotSettings
 
 
 def config(folder: Path, **recording: float) -> RuntimeConfig:

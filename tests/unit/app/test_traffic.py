@@ -4,7 +4,7 @@ from twinscrew.runtime.app import traffic
 from twinscrew.runtime.app.config import RuntimeConfig
 from twinscrew.runtime.app.finding import Verdict
 from twinscrew.runtime.app.heard import Heard
-from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
 
 
 def test_where_nothing_comes_every_line_fails_and_says_what_to_look_at() -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from twinscrew.runtime.app.health import State
 from twinscrew.runtime.estimation import estimator as estimation_events
-from twinscrew.runtime.link import events as link_events
+from twinscrew.runtime.link.ardupilot import events as link_events
 from twinscrew.runtime.safety import events
 from twinscrew.runtime.safety.events import GREATEST_DETAIL, LIDAR_STALE, EventKind
 
