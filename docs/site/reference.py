@@ -15,8 +15,8 @@ def reference_pages(root: Path) -> dict[str, str]:
     folders = [
         folder
         for package in PACKAGES
-        for folder in (root / package, *sorted((root / package).iterdir()))
-        if (folder / "__init__.py").is_file() and folder.name not in PASSED_OVER
+        for folder in (root / package, *sorted((root / package).rglob("*")))
+        if (folder / "__init__.py").is_file() and not set(PASSED_OVER) & set(folder.parts)
     ]
     pages = {f"reference/{dotted(root, folder)}.md": page(root, folder) for folder in folders}
     pages["reference/index.md"] = index(root, folders)

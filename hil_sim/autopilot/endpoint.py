@@ -20,9 +20,8 @@ from twinscrew.hil_sim.autopilot.telemetry import (
     Origin,
 )
 from twinscrew.runtime.errors import ConfigError, one_of
-from twinscrew.runtime.link.paddles import PaddleSettings, thrust_from_pwm
-from twinscrew.runtime.link.signing import Signing, read_key
-from twinscrew.runtime.link.wire import Message, Wire
+from twinscrew.runtime.link.ardupilot.thrust import PaddleSettings, thrust_from_pwm
+from twinscrew.runtime.mavlink import Message, Signing, Wire, read_key
 from twinscrew.runtime.messages.types import Float64, Odometry
 from twinscrew.runtime.settings import Positive, Settings
 

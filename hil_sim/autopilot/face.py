@@ -12,7 +12,7 @@ from twinscrew.hil_sim.autopilot.rover import Rover
 from twinscrew.hil_sim.autopilot.sticks import override_values, stick_values
 from twinscrew.hil_sim.autopilot.streams import Streams
 from twinscrew.hil_sim.autopilot.telemetry import TELLERS, Moment
-from twinscrew.runtime.link.wire import Message, Wire
+from twinscrew.runtime.mavlink import Message, Wire
 
 _NOT_STREAMED = (
     mavlink.MAVLINK_MSG_ID_HEARTBEAT,

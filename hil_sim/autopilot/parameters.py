@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.errors import ConfigError, one_of
-from twinscrew.runtime.link.parm import read_parm
-from twinscrew.runtime.link.wire import Message
+from twinscrew.runtime.link.ardupilot.parameters import read_parm
+from twinscrew.runtime.mavlink import Message
 from twinscrew.runtime.settings import CONFIG_DIR
 
 SHIPPED = CONFIG_DIR / "autopilot" / "ardurover.parm"

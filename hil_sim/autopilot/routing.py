@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.runtime.link.wire import Message
+from twinscrew.runtime.mavlink import Message
 
 BROADCAST = 0
 _NOT_HANDED_ON = frozenset({"RADIO", "RADIO_STATUS", "ADSB_VEHICLE"})

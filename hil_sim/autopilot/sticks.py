@@ -7,8 +7,8 @@ from operator import attrgetter
 from twinscrew.hil_sim.autopilot.mixer import Calibration, in_uint16
 from twinscrew.hil_sim.autopilot.parameters import Parameters
 from twinscrew.hil_sim.autopilot.radio import CHANNELS, IGNORE, RELEASE
-from twinscrew.runtime.link.paddles import STICK_SPAN
-from twinscrew.runtime.link.wire import Message
+from twinscrew.runtime.link.ardupilot.thrust import STICK_SPAN
+from twinscrew.runtime.mavlink import Message
 
 _NOT_A_STICK = 32767
 """MANUAL_CONTROL's word for an axis that is not there."""

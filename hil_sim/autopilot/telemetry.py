@@ -10,9 +10,9 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.hil_sim.autopilot.rover import Mode, Rover
+from twinscrew.runtime.datum import EARTH_RADIUS_M
 from twinscrew.runtime.geometry import euler_from_quaternion, rotation_from_quaternion
-from twinscrew.runtime.link.datum import EARTH_RADIUS_M
-from twinscrew.runtime.link.wire import Message
+from twinscrew.runtime.mavlink import Message
 from twinscrew.runtime.messages.types import Odometry
 from twinscrew.runtime.settings import Settings
 

@@ -14,7 +14,7 @@ from twinscrew.hil_sim.bench.scenes import basin, open_water
 from twinscrew.hil_sim.bench.timing import Stopwatch, garbage_at_rest
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.errors import TwinscrewError
-from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Odometry, PointCloud
 from twinscrew.runtime.perception.segmentation import Perception

@@ -14,8 +14,8 @@ import tomli_w
 
 from twinscrew.hil_sim.drivers.processes import LOOPBACK
 from twinscrew.runtime.errors import LinkError
-from twinscrew.runtime.link.sockets import UdpTransport
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.link.transport import UdpTransport
+from twinscrew.runtime.mavlink import Wire
 
 STARTS = 5
 LIMIT_S = 20.0

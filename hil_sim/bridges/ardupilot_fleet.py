@@ -17,7 +17,7 @@ from twinscrew.hil_sim.bridges.inertial import moment
 from twinscrew.hil_sim.children import undisturbed
 from twinscrew.hil_sim.world import World
 from twinscrew.runtime.errors import LinkError
-from twinscrew.runtime.link.paddles import PaddleSettings, thrust_from_pwm
+from twinscrew.runtime.link.ardupilot.thrust import PaddleSettings, thrust_from_pwm
 from twinscrew.runtime.messages.types import Float64, Odometry
 from twinscrew.runtime.settings import NonNegative, Positive, Settings, convert
 from twinscrew.runtime.vessel.hull_settings import paddles

@@ -12,7 +12,7 @@ from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.hil_sim.children import end
 from twinscrew.hil_sim.last_words import ended
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.link.parm import read_parm
+from twinscrew.runtime.link.ardupilot.parameters import read_parm
 
 HOST = "127.0.0.1"
 INSTANCE_PORTS = 10

@@ -23,8 +23,7 @@ from twinscrew.hil_sim.drivers.processes import LOOPBACK, START_LIMIT_S, STOP_LI
 from twinscrew.hil_sim.drivers.voyage import ODOMETRY_S
 from twinscrew.hil_sim.last_words import ended
 from twinscrew.runtime.bus.steps import Asker
-from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.errors import BusError, LinkError
 from twinscrew.runtime.messages.types import Float64, Odometry
 from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of

@@ -19,13 +19,11 @@ from twinscrew.hil_sim.autopilot.udp import AutopilotOnTheNet
 from twinscrew.hil_sim.children import undisturbed
 from twinscrew.hil_sim.drivers.processes import LOOPBACK, START_LIMIT_S, RuntimeProcess, free_port
 from twinscrew.runtime.bus.base import Received, Receiver
-from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.errors import LinkError, MessageError
-from twinscrew.runtime.link import events
-from twinscrew.runtime.link.paddles import PaddleSettings
-from twinscrew.runtime.link.sockets import UdpTransport
-from twinscrew.runtime.link.transport import open_transport
+from twinscrew.runtime.link.ardupilot import events
+from twinscrew.runtime.link.ardupilot.thrust import PaddleSettings
+from twinscrew.runtime.link.transport import UdpTransport, open_transport
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Odometry
 from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of

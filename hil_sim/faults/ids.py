@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.hil_sim.faults.effects import Immediate
 from twinscrew.hil_sim.faults.kinds import WrongIds
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.mavlink import Wire
 
 
 class Impersonating(Immediate):

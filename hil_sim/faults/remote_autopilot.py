@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.drivers.processes import be_punctual, is_punctual, ordinary
 from twinscrew.hil_sim.faults.pilot import Bridge, act, bridge_of
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.mavlink import Wire
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Odometry
 

@@ -10,8 +10,7 @@ from twinscrew.hil_sim.faults.line import Line
 from twinscrew.hil_sim.faults.mavlink_line import FaultyTransport
 from twinscrew.hil_sim.faults.proxy import Proxy
 from twinscrew.hil_sim.faults.remote_autopilot import RemoteAutopilot
-from twinscrew.runtime.link.sockets import UdpTransport
-from twinscrew.runtime.link.transport import Transport
+from twinscrew.runtime.link.transport import Transport, UdpTransport
 from twinscrew.runtime.messages.types import Odometry
 
 SENSORS = ("points", "odometry", "gps", "imu")

@@ -13,7 +13,7 @@ from twinscrew.hil_sim.faults.verdict import Verdict
 from twinscrew.hil_sim.faults.waters import lanes
 from twinscrew.hil_sim.world import make_world
 from twinscrew.runtime.app.recording_settings import RecordingSettings
-from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.vessel.config import RuntimeConfig
 

@@ -14,9 +14,8 @@ from twinscrew.hil_sim.faults.pilot import Bridge
 from twinscrew.hil_sim.faults.timeline import Span, Timeline, spans
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.errors import MessageError
-from twinscrew.runtime.link.autopilot import AutopilotSettings
-from twinscrew.runtime.link.paddles import STOP_US
-from twinscrew.runtime.link.paddling import paddles
+from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
+from twinscrew.runtime.link.ardupilot.thrust import STOP_US, paddles
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, HealthEvent
 

@@ -26,11 +26,10 @@ from twinscrew.hil_sim.viewer.scene import (
 from twinscrew.hil_sim.viewer.vessel import SHOWN, Places, Row, Vessel
 from twinscrew.hil_sim.viewer.wire import EventView, Order, Part
 from twinscrew.runtime.app.recording import Recorded, Recording, find_recordings
-from twinscrew.runtime.bus.inbox import Inbox
-from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.bus.base import Inbox
+from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
+from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.errors import ConfigError, RecordingError
-from twinscrew.runtime.link.datum import Datum
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Goal
 from twinscrew.runtime.perception.sensor import Sensor, load_sensor

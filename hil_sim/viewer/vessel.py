@@ -23,8 +23,8 @@ from twinscrew.hil_sim.viewer.wire import (
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.geometry import rotation_2d, rotation_from_quaternion
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.cloud import POINT_CLOUD_TYPE
-from twinscrew.runtime.messages.header import read_stamp
+from twinscrew.runtime.messages.navigation import read_stamp
+from twinscrew.runtime.messages.point_cloud import POINT_CLOUD_TYPE
 from twinscrew.runtime.messages.types import (
     Decision,
     Explanation,

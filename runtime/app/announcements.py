@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 
 from twinscrew.runtime.estimation import estimator as estimation_events
-from twinscrew.runtime.link import events as link_events
+from twinscrew.runtime.link.ardupilot import events as link_events
 from twinscrew.runtime.messages.types import HealthEvent, Severity
 from twinscrew.runtime.safety import events as safety_events
 from twinscrew.runtime.safety.events import EventKind

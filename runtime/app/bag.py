@@ -20,8 +20,7 @@ from mcap.writer import CompressionType, Writer
 from twinscrew.runtime.app.bag_metadata import FileContents, metadata_yaml
 from twinscrew.runtime.app.recording_settings import BagSettings
 from twinscrew.runtime.errors import RecordingError
-from twinscrew.runtime.messages.definitions import definition
-from twinscrew.runtime.messages.topics import TOPICS, ros_name
+from twinscrew.runtime.messages.topics import TOPICS, definition, ros_name
 
 METADATA_RECORD: Final = "twinscrew"
 """Name of the MCAP metadata record that says what the recording is of; values are JSON."""

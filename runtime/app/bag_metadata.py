@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from twinscrew.runtime.messages.definitions import type_hash
-from twinscrew.runtime.messages.topics import TOPICS
+from twinscrew.runtime.messages.topics import TOPICS, type_hash
 
 
 @dataclass(slots=True)

@@ -6,11 +6,15 @@ import math
 from collections.abc import Iterable
 
 from twinscrew.runtime.app.announcements import Announcements
-from twinscrew.runtime.link.datum import Datum
-from twinscrew.runtime.link.ground import named_value, obstacle_distance, sector_distances_cm
-from twinscrew.runtime.link.orders import OrderSettings
-from twinscrew.runtime.link.vessels import ais_vessels
-from twinscrew.runtime.link.wire import Message
+from twinscrew.runtime.datum import Datum
+from twinscrew.runtime.ground.orders import OrderSettings
+from twinscrew.runtime.ground.shown import (
+    ais_vessels,
+    named_value,
+    obstacle_distance,
+    sector_distances_cm,
+)
+from twinscrew.runtime.mavlink import Message
 from twinscrew.runtime.messages.types import Decision, HealthEvent, Severity
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
 

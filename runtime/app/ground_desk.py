@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from twinscrew.runtime.app.ground import GroundReport
 from twinscrew.runtime.app.station_goals import Feed, Progress, StationGoals
-from twinscrew.runtime.link.autopilot import AutopilotLink
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink
 from twinscrew.runtime.messages.types import Odometry
 
 

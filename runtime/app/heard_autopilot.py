@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from twinscrew.runtime.app.finding import Finding, fail, ok, warn
-from twinscrew.runtime.link.autopilot import AutopilotLink
-from twinscrew.runtime.link.parameters import ParameterState
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink
+from twinscrew.runtime.link.ardupilot.parameters import ParameterState
 
 WRITE = "twinscrew doctor --listen 10 --write-params, or load config/autopilot/ardurover.parm"
 RESTART = "restart the autopilot: some parameters act from then on only"

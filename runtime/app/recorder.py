@@ -13,8 +13,7 @@ from typing import Any, Final, Self
 from twinscrew.runtime.app.bag import BagWriter
 from twinscrew.runtime.app.recording_settings import RecorderSettings
 from twinscrew.runtime.errors import RecordingError, one_of
-from twinscrew.runtime.messages.definitions import type_store
-from twinscrew.runtime.messages.topics import TOPICS
+from twinscrew.runtime.messages.topics import TOPICS, type_store
 
 _SOFTWARE: Final = ("twinscrew", "numpy", "scipy", "filterpy", "onnxruntime", "eclipse-zenoh")
 """What a decision's bits may depend on."""

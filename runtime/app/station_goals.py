@@ -14,9 +14,9 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.geometry import rotation_2d
-from twinscrew.runtime.link.orders import GoTo, Halt, Order, Relative, Sail, Waypoint
-from twinscrew.runtime.link.stations import Stations
-from twinscrew.runtime.link.wire import Message
+from twinscrew.runtime.ground.orders import GoTo, Halt, Order, Relative, Sail, Waypoint
+from twinscrew.runtime.ground.stations import Stations
+from twinscrew.runtime.mavlink import Message
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Goal, Odometry
 

@@ -11,16 +11,15 @@ from msgspec.structs import replace
 from twinscrew.runtime.app.finding import Finding
 from twinscrew.runtime.app.heard import Heard, judge_content, judge_rate
 from twinscrew.runtime.app.heard_autopilot import judge_autopilot
-from twinscrew.runtime.bus.base import Received
-from twinscrew.runtime.bus.inbox import Inbox
+from twinscrew.runtime.bus.base import Inbox, Received
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.estimation.estimator import Estimator
-from twinscrew.runtime.link.authority import AskManual
-from twinscrew.runtime.link.autopilot import AutopilotLink
+from twinscrew.runtime.link.ardupilot.authority import AskManual
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink
 from twinscrew.runtime.link.transport import open_transport
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.header import read_stamp
+from twinscrew.runtime.messages.navigation import read_stamp
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.wire import Reader
 from twinscrew.runtime.vessel.config import SENSED, RuntimeConfig, autopilot_of, inputs_of

@@ -12,8 +12,7 @@ from typing import Final
 
 import zenoh
 
-from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.bus.zenoh_config import in_short
+from twinscrew.runtime.bus.zenoh import ZenohBus, in_short
 from twinscrew.runtime.errors import BusError
 
 _POLL_S: Final = 0.005

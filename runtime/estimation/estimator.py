@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.estimation.inertial import (
     ATTITUDE,
     GYRO_BIAS,
@@ -27,7 +28,6 @@ from twinscrew.runtime.estimation.sensors import ImuSample, SensorPlacement, Sen
 from twinscrew.runtime.estimation.wgs84 import LocalFrame, Place
 from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.lean_imports import extended_kalman_filter
-from twinscrew.runtime.link.datum import Datum
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
     Fix,

@@ -1,9 +1,4 @@
-"""`twinscrew_msgs/Decision`: everything a decision was made from, bit for bit.
-
-The bytes are canonical: equal decisions give equal bytes, so that the hash over a run's encoded
-decisions is the hash of the run. Arrays keep the frames of `types` (NED, FRD): this message is our
-own, and nothing may be lost by turning axes.
-"""
+"""CDR of a decision, and of the sentence that explains it."""
 
 from __future__ import annotations
 
@@ -12,10 +7,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from twinscrew.runtime.messages.header import read_stamp, write_stamp
+from twinscrew.runtime.messages.navigation import read_stamp, write_stamp
 from twinscrew.runtime.messages.types import (
     OBSERVED_OBJECTS,
     Decision,
+    Explanation,
     HealthEvent,
     Objects,
     Observation,
@@ -23,6 +19,13 @@ from twinscrew.runtime.messages.types import (
     Tracks,
 )
 from twinscrew.runtime.messages.wire import Reader, Writer
+
+# -- `twinscrew_msgs/Decision`: everything a decision was made from, bit for bit.
+#
+# The bytes are canonical: equal decisions give equal bytes, so that the hash over a run's encoded
+# decisions is the hash of the run. Arrays keep the frames of `types` (NED, FRD): this message is
+# our own, and nothing may be lost by turning axes.
+
 
 DECISION_TYPE: Final = "twinscrew_msgs/msg/Decision"
 
@@ -147,3 +150,47 @@ def _read_event(reader: Reader) -> HealthEvent:
         raise reader.fail(f"{severity} is not a severity")
     detail = reader.string()
     return HealthEvent(stamp_ns=stamp_ns, name=name, severity=_SEVERITIES[severity], detail=detail)
+
+
+# -- `twinscrew_msgs/Explanation`: what the vessel is doing and why, in words and numbers.
+
+EXPLANATION_TYPE: Final = "twinscrew_msgs/msg/Explanation"
+
+
+def encode_explanation(said: Explanation) -> bytes:
+    """Write a twinscrew_msgs/Explanation."""
+    writer = Writer()
+    write_stamp(writer, said.stamp_ns)
+    writer.values("Q", 8, said.sequence)
+    writer.string(said.sentence)
+    writer.values("q", 8, said.track)
+    writer.values("B", 1, said.rule)
+    writer.values("2d", 8, said.cpa_m, said.tcpa_s)
+    return writer.payload()
+
+
+def decode_explanation(payload: bytes | memoryview) -> Explanation:
+    """Read a twinscrew_msgs/Explanation.
+
+    Raises
+    ------
+    MessageError
+        Not such a message.
+    """
+    reader = Reader(payload, EXPLANATION_TYPE)
+    stamp_ns = read_stamp(reader)
+    (sequence,) = reader.values("Q", 8)
+    sentence = reader.string()
+    (track,) = reader.values("q", 8)
+    rule = reader.uint8()
+    cpa_m, tcpa_s = reader.values("2d", 8)
+    reader.end()
+    return Explanation(
+        stamp_ns=stamp_ns,
+        sequence=sequence,
+        sentence=sentence,
+        track=track,
+        rule=rule,
+        cpa_m=cpa_m,
+        tcpa_s=tcpa_s,
+    )

@@ -31,7 +31,7 @@ from twinscrew.runtime.vessel.summary import Latencies, RunSummary, metadata_of
 from twinscrew.runtime.vessel.vessel import make_vessel
 
 if TYPE_CHECKING:
-    from twinscrew.runtime.bus.inbox import Inbox
+    from twinscrew.runtime.bus.base import Inbox
 
 SERVICE: Final = "lockstep"
 ON_ITS_WAY_S: Final = 30.0
@@ -173,7 +173,7 @@ def main() -> int:
 def follow(orders: Orders) -> None:
     """Do what the leader says, step by step."""
     # Zenoh takes a while to import: who steps a runtime in its own process needs none.
-    from twinscrew.runtime.bus.inbox import Inbox
+    from twinscrew.runtime.bus.base import Inbox
     from twinscrew.runtime.bus.steps import Answerer
     from twinscrew.runtime.bus.zenoh import ZenohBus
 

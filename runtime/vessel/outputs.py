@@ -18,8 +18,7 @@ from twinscrew.runtime.bus.base import Bus
 from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.geometry import flu_to_frd, quaternion_from_euler
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.header import VESSEL_FRAME
-from twinscrew.runtime.messages.transforms import Transform, vessel_transform
+from twinscrew.runtime.messages.navigation import VESSEL_FRAME
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
     Decision,
@@ -28,6 +27,7 @@ from twinscrew.runtime.messages.types import (
     HealthEvent,
     Odometry,
 )
+from twinscrew.runtime.messages.visual import Transform, vessel_transform
 from twinscrew.runtime.perception.sensor import Sensor
 from twinscrew.runtime.safety.events import AUTOPILOT_NOW, STATE_NOW
 from twinscrew.runtime.safety.guard import NEUTRAL

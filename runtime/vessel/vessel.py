@@ -18,10 +18,10 @@ from twinscrew.runtime.app.ground_desk import GroundDesk
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.estimation.estimator import Estimator
-from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotStatus
-from twinscrew.runtime.link.stations import Stations
+from twinscrew.runtime.ground.stations import Stations
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotStatus
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.odometry import as_read_back
+from twinscrew.runtime.messages.navigation import as_read_back
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.types import (
     Decision,

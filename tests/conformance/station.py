@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.conformance.endpoints import SYSTEM, Endpoint
 
-from twinscrew.runtime.link.wire import Message, Wire
+from twinscrew.runtime.mavlink import Message, Wire
 
 MANUAL, HOLD = 0, 4
 ARM, SET_MODE, SET_SERVO, INTERVAL, REQUEST_MESSAGE = 400, 176, 183, 511, 512

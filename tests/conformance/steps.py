@@ -22,8 +22,7 @@ from tests.conformance.station import (
     override,
 )
 
-from twinscrew.runtime.link.parameters import SHIPPED
-from twinscrew.runtime.link.parm import read_parm
+from twinscrew.runtime.link.ardupilot.parameters import SHIPPED, read_parm
 
 SERVO_OUTPUT_RAW, RC_CHANNELS, GPS_GLOBAL_ORIGIN = 36, 65, 49
 FREE_SERVO = 5

@@ -21,13 +21,12 @@ from tests.harness.boat import Boat, cloud, odometry
 from tests.harness.work import calls_of
 
 from twinscrew.runtime.app.ground import GroundReport, GroundSettings
-from twinscrew.runtime.bus.base import Received
-from twinscrew.runtime.bus.memory import MemoryBus
-from twinscrew.runtime.link.carrier import Transport
-from twinscrew.runtime.link.datum import Datum
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.bus.base import MemoryBus, Received
+from twinscrew.runtime.datum import Datum
+from twinscrew.runtime.link.transport import Transport
+from twinscrew.runtime.mavlink import Wire
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.header import write_header
+from twinscrew.runtime.messages.navigation import write_header
 from twinscrew.runtime.messages.types import Goal
 from twinscrew.runtime.messages.wire import Writer
 from twinscrew.runtime.vessel.outputs import Outlet

@@ -27,7 +27,7 @@ from twinscrew.hil_sim.autopilot.rover import RoverSettings
 from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.hil_sim.bridges.ardupilot_json import ServoFrame, encode_servos
 from twinscrew.runtime.geometry import rotation_from_quaternion
-from twinscrew.runtime.link.parm import read_parm
+from twinscrew.runtime.link.ardupilot.parameters import read_parm
 from twinscrew.runtime.messages.types import Odometry
 
 AGAIN_S = 1.0

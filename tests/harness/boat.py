@@ -15,10 +15,10 @@ from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotS
 from twinscrew.hil_sim.autopilot.rover import RoverSettings
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.geometry import quaternion_from_euler
-from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
-from twinscrew.runtime.link.paddling import STOP
-from twinscrew.runtime.link.stations import Stations
-from twinscrew.runtime.link.wire import Message, Wire
+from twinscrew.runtime.ground.stations import Stations
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.link.ardupilot.thrust import STOP
+from twinscrew.runtime.mavlink import Message, Wire
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import (
     Decision,

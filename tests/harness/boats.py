@@ -3,8 +3,7 @@
 import threading
 
 from twinscrew.runtime.app.recording import find_recordings
-from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.messages import cdr
 
 LAST = 100

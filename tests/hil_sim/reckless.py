@@ -12,7 +12,7 @@ from twinscrew.hil_sim.experiments.chance import RandomPolicy
 from twinscrew.hil_sim.scenario import Scenario, load_scenario
 from twinscrew.hil_sim.supervisor import Result
 from twinscrew.hil_sim.world import make_world
-from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
 from twinscrew.runtime.messages.types import Decision
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.safety.assurance import AssuranceSettings

@@ -9,8 +9,7 @@ from tests.harness.sensors import Sensors
 from tests.harness.waiting import wait_until
 
 from twinscrew.hil_sim.drivers.processes import free_port
-from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.messages import cdr
 
 RUBBISH = (b"", b"\x00", bytes(64), b"\xff" * 5000, cdr.encode_point_cloud(cloud(0.0))[:-3])

@@ -13,8 +13,7 @@ import pytest
 from tests.harness.waiting import wait_until
 
 from twinscrew.hil_sim.drivers.processes import free_port
-from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 
 VIEWERS = 4
 CLOUD_B = 480_000
@@ -34,7 +33,7 @@ with zenoh.open(config) as session:
 SENSORS = """
 import sys, time
 from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.bus.zenoh import ZenohSettings
 settings = ZenohSettings(
     mode="client",
     connect=(sys.argv[1],),

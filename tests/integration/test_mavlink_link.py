@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.rover import Mode, RoverSettings
 from twinscrew.runtime.geometry import quaternion_from_euler
-from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
-from twinscrew.runtime.link.parameters import SHIPPED
-from twinscrew.runtime.link.parm import read_parm
-from twinscrew.runtime.link.signing import EPOCH_S, Signing
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.link.ardupilot.parameters import SHIPPED, read_parm
+from twinscrew.runtime.mavlink import EPOCH_S, Signing
 from twinscrew.runtime.messages.types import Odometry
 
 STEP_S = 0.05

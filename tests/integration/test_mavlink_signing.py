@@ -15,10 +15,9 @@ from tests.harness.waiting import wait_until
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.rover import Mode
-from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
-from twinscrew.runtime.link.signing import Signing, read_key
-from twinscrew.runtime.link.sockets import UdpTransport
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.link.transport import UdpTransport
+from twinscrew.runtime.mavlink import Signing, Wire, read_key
 
 STEP_S = 0.05
 LOOPBACK = "127.0.0.1"

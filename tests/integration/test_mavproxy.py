@@ -15,7 +15,7 @@ from tests.harness.waiting import wait_until
 
 from twinscrew.hil_sim.sitl_runtimes import DATUM
 from twinscrew.runtime.app.recording import find_recordings
-from twinscrew.runtime.link.datum import to_degrees
+from twinscrew.runtime.datum import to_degrees
 from twinscrew.runtime.messages import cdr
 
 SCENARIO = """

@@ -18,9 +18,8 @@ from tests.harness.waiting import wait_until
 
 from twinscrew.hil_sim.autopilot.rover import Mode
 from twinscrew.hil_sim.drivers.processes import free_port
-from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
+from twinscrew.runtime.mavlink import Wire
 from twinscrew.runtime.messages import cdr
 
 pytestmark = pytest.mark.slow

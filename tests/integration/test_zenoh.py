@@ -12,18 +12,17 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from twinscrew.runtime.bus.inbox import Inbox
-from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings, zenoh_config
+from twinscrew.runtime.bus.base import Inbox
+from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings, zenoh_config
 from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.messages.topics import TOPICS
 
 ECHO = textwrap.dedent(
     """
     import sys
-    from twinscrew.runtime.bus.inbox import Inbox
+    from twinscrew.runtime.bus.base import Inbox
     from twinscrew.runtime.bus.zenoh import ZenohBus
-    from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+    from twinscrew.runtime.bus.zenoh import ZenohSettings
 
     bus = ZenohBus(ZenohSettings(connect=(sys.argv[1],), lossless=True), "wamv1")
     inbox = Inbox()
@@ -210,7 +209,7 @@ ROUTER = textwrap.dedent(
     """
     import sys
     from twinscrew.runtime.bus.zenoh import ZenohBus
-    from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+    from twinscrew.runtime.bus.zenoh import ZenohSettings
 
     bus = ZenohBus(ZenohSettings(mode="router", listen=(sys.argv[1],), connect=()), "router")
     sys.stdin.read()

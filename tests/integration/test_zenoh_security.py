@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from twinscrew.runtime.bus.inbox import Inbox
-from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.bus.base import Inbox
+from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.messages.topics import TOPICS, Direction, key
 from twinscrew.runtime.settings import CONFIG_DIR

@@ -6,8 +6,7 @@ import pytest
 
 from twinscrew.hil_sim.drivers.processes import free_port
 from twinscrew.runtime.bus.steps import Answerer, Asker
-from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.errors import BusError
 
 

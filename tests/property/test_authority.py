@@ -17,8 +17,14 @@ from hypothesis import note
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from twinscrew.runtime.link.authority import AskManual, Authority, Holder
-from twinscrew.runtime.link.modes import HOLD, INITIALISING, MANUAL
+from twinscrew.runtime.link.ardupilot.authority import (
+    HOLD,
+    INITIALISING,
+    MANUAL,
+    AskManual,
+    Authority,
+    Holder,
+)
 
 LOITER, AUTO = 5, 10
 FAILSAFE_S = 2.0

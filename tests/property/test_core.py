@@ -9,8 +9,8 @@ from tests.harness.boat import Boat, cloud, feed, make_pipeline, odometry, stamp
 
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.world import make_world
-from twinscrew.runtime.bus.memory import MemoryBus
-from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.bus.base import MemoryBus
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import CORE_INPUTS
 from twinscrew.runtime.messages.types import Decision, Engagement, Goal

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.rover import Mode, RoverSettings
-from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotSettings
 
 STEP_S = 0.05
 DEEDS = st.sampled_from(["hold", "manual", "disarm", "cut", "mend", "nothing"])

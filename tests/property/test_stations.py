@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.runtime.link.datum import Datum
-from twinscrew.runtime.link.orders import GoTo, OrderSettings, Relative, Sail
-from twinscrew.runtime.link.stations import Stations
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.datum import Datum
+from twinscrew.runtime.ground.orders import GoTo, OrderSettings, Relative, Sail
+from twinscrew.runtime.ground.stations import Stations
+from twinscrew.runtime.mavlink import Wire
 
 US = (1, 191)
 SYDNEY = Datum(latitude_deg=-33.7221, longitude_deg=150.6739)

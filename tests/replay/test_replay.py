@@ -27,8 +27,7 @@ from twinscrew.runtime.app.recording import find_recordings
 from twinscrew.runtime.app.replay import Replay, combined_sha256, replay
 from twinscrew.runtime.errors import ConfigError, RecordingError
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.definitions import type_store
-from twinscrew.runtime.messages.topics import TOPICS
+from twinscrew.runtime.messages.topics import TOPICS, type_store
 from twinscrew.runtime.messages.types import Engagement, Goal
 from twinscrew.runtime.settings import CONFIG_DIR, convert
 from twinscrew.runtime.vessel.config import RuntimeConfig

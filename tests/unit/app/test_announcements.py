@@ -1,7 +1,7 @@
 """What health events sound like to a ground station."""
 
 from twinscrew.runtime.app.announcements import AGAIN_S, AT_ONCE, Announcements, words_of
-from twinscrew.runtime.link import events as link_events
+from twinscrew.runtime.link.ardupilot import events as link_events
 from twinscrew.runtime.messages.types import Severity
 from twinscrew.runtime.safety import events as safety_events
 from twinscrew.runtime.safety.events import GOAL_SET, LIDAR_STALE, STATE

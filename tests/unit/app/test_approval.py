@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from twinscrew.runtime.app.approval import check_manifest, files_of, load_approved
-from twinscrew.runtime.bus.zenoh_config import zenoh_config
+from twinscrew.runtime.bus.zenoh import zenoh_config
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.files import only_approved
 from twinscrew.runtime.integrity.manifest import manifest_text

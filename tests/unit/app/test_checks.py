@@ -10,8 +10,8 @@ import pytest
 from twinscrew.runtime.app import checks
 from twinscrew.runtime.app.checks import examine
 from twinscrew.runtime.app.finding import Finding, Verdict
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
-from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.bus.zenoh import ZenohSettings
+from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig
 
 HOST = "127.0.0.1"

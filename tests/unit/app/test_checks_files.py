@@ -8,7 +8,7 @@ from tests.unit.app.test_approval import SECRET, Dock
 from twinscrew.runtime.app.checks import examine
 from twinscrew.runtime.app.checks_files import Sources, check_files
 from twinscrew.runtime.app.finding import Finding, Verdict
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.bus.zenoh import ZenohSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig
 
 

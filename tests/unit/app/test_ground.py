@@ -8,12 +8,11 @@ import pytest
 from tests.harness.boat import Steady, cloud, make_pipeline, odometry, stamp
 
 from twinscrew.runtime.app.ground import FORGOTTEN_S, GroundReport, GroundSettings
-from twinscrew.runtime.bus.base import Received
-from twinscrew.runtime.bus.inbox import Inbox
-from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
-from twinscrew.runtime.link.datum import Datum
+from twinscrew.runtime.bus.base import Inbox, Received
+from twinscrew.runtime.datum import Datum
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.link.transport import UdpTransport, open_transport
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.mavlink import Wire
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Decision, Objects, Severity, Tracks
 from twinscrew.runtime.safety.events import GOAL_SET

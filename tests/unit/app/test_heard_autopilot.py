@@ -6,8 +6,8 @@ from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotS
 from twinscrew.hil_sim.autopilot.rover import RoverSettings
 from twinscrew.runtime.app.finding import Verdict
 from twinscrew.runtime.app.heard_autopilot import judge_autopilot, judge_parameter
-from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
-from twinscrew.runtime.link.parameters import ParameterState, expected_parameters
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.link.ardupilot.parameters import ParameterState, expected_parameters
 
 
 def listened(seconds: float, *, write: bool = False, **parameters: float) -> dict:

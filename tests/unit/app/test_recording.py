@@ -9,8 +9,7 @@ from twinscrew.runtime.app.recording import (
     read_inputs,
 )
 from twinscrew.runtime.errors import ConfigError, RecordingError
-from twinscrew.runtime.messages.definitions import type_store
-from twinscrew.runtime.messages.topics import TOPICS
+from twinscrew.runtime.messages.topics import TOPICS, type_store
 
 
 def record(path, vessel="wamv1", count=40):

@@ -10,8 +10,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from twinscrew.runtime.app.recording import find_recordings
 from twinscrew.runtime.errors import RecordingError
-from twinscrew.runtime.messages.definitions import type_store
-from twinscrew.runtime.messages.topics import TOPICS
+from twinscrew.runtime.messages.topics import TOPICS, type_store
 
 NAME, TYPE = "/wamv/" + TOPICS["odometry"].key, TOPICS["odometry"].ros_type
 

@@ -6,9 +6,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.harness.boat import Boat, odometry, stamp
 
 from twinscrew.runtime.geometry import quaternion_from_euler
-from twinscrew.runtime.link.orders import OrderSettings
-from twinscrew.runtime.link.stations import Stations
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.ground.orders import OrderSettings
+from twinscrew.runtime.ground.stations import Stations
+from twinscrew.runtime.mavlink import Wire
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Goal, Odometry
 

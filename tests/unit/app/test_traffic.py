@@ -3,7 +3,7 @@
 from twinscrew.runtime.app import traffic
 from twinscrew.runtime.app.finding import Verdict
 from twinscrew.runtime.app.heard import Heard
-from twinscrew.runtime.link.autopilot import AutopilotSettings
+from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig
 
 

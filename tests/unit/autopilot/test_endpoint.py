@@ -11,7 +11,7 @@ from twinscrew.hil_sim.autopilot.rover import RoverSettings
 from twinscrew.hil_sim.autopilot.telemetry import TELLERS, Origin
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.geometry import quaternion_from_euler
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.mavlink import Wire
 from twinscrew.runtime.messages.types import Odometry
 
 SYSTEM = 3

@@ -5,7 +5,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.rover import Mode
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.mavlink import Wire
 
 AUTOPILOT, COMPANION, STATION = (1, 1), (1, 191), (255, 190)
 SET_POSITION_MASK = 0b110111111000

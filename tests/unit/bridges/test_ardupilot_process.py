@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from twinscrew.hil_sim.bridges.ardupilot_process import Instance
-from twinscrew.runtime.link.parm import read_parm
+from twinscrew.runtime.link.ardupilot.parameters import read_parm
 
 
 def test_a_ground_station_is_called_by_the_second_serial_port() -> None:

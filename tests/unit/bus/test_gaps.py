@@ -1,6 +1,6 @@
 from zenoh.ext import Int64, z_serialize
 
-from twinscrew.runtime.bus.gaps import ATTACHMENT, MAX_PUBLISHERS, SequenceGaps, attachment
+from twinscrew.runtime.bus.base import ATTACHMENT, MAX_PUBLISHERS, SequenceGaps, attachment
 
 GID = bytes(range(16))
 

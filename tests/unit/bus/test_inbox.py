@@ -2,9 +2,7 @@ import threading
 
 import pytest
 
-from twinscrew.runtime.bus.base import Received
-from twinscrew.runtime.bus.inbox import Inbox
-from twinscrew.runtime.bus.memory import MemoryBus
+from twinscrew.runtime.bus.base import Inbox, MemoryBus, Received
 from twinscrew.runtime.messages.topics import TOPICS
 
 

@@ -1,6 +1,6 @@
 import pytest
 
-from twinscrew.runtime.bus.memory import MemoryBus
+from twinscrew.runtime.bus.base import MemoryBus
 from twinscrew.runtime.errors import BusError
 
 

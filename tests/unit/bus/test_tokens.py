@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import zenoh
 
-from twinscrew.runtime.bus.tokens import End, dds_end, rmw_end, rmw_node
+from twinscrew.runtime.bus.zenoh import End, dds_end, rmw_end, rmw_node
 from twinscrew.runtime.messages.topics import TOPICS
 
 SESSION = "aac3178e146ba6f1fc6e6a4085e77f21"

@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings, zenoh_config
+from twinscrew.runtime.bus.zenoh import ZenohSettings, zenoh_config
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.settings import convert
 

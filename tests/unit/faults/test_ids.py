@@ -2,8 +2,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.hil_sim.faults.ids import Impersonating
 from twinscrew.hil_sim.faults.kinds import WrongIds
-from twinscrew.runtime.link import commands
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.link.ardupilot import commands
+from twinscrew.runtime.mavlink import Wire
 
 
 def sent() -> bytes:

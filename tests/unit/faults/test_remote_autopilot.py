@@ -8,9 +8,9 @@ from tests.harness.boat import odometry
 from tests.harness.waiting import wait_until
 
 from twinscrew.hil_sim.faults.remote_autopilot import SIGNAL_LOST_S, RemoteAutopilot
-from twinscrew.runtime.link.autopilot import AutopilotLink
-from twinscrew.runtime.link.settings import AutopilotSettings
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink
+from twinscrew.runtime.link.ardupilot.settings import AutopilotSettings
+from twinscrew.runtime.mavlink import Wire
 
 TICK_S = 0.05
 

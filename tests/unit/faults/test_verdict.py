@@ -9,7 +9,7 @@ from twinscrew.hil_sim.faults.plan import Fault, Promise
 from twinscrew.hil_sim.faults.timeline import Timeline
 from twinscrew.hil_sim.faults.verdict import Verdict, judge
 from twinscrew.hil_sim.faults.witness import Witness
-from twinscrew.runtime.link.events import OVERRIDE_IGNORED
+from twinscrew.runtime.link.ardupilot.events import OVERRIDE_IGNORED
 from twinscrew.runtime.safety.events import LIDAR_STALE, STATE
 
 BEGIN_S, END_S, NOW_S = 5.0, 7.0, 11.0

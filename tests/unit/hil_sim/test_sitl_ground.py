@@ -9,7 +9,7 @@ from twinscrew.hil_sim.drivers.realtime import simulated_fleet
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlSettings, sail
 from twinscrew.runtime.errors import ConfigError, LinkError
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.mavlink import Wire
 
 
 def test_a_ground_station_cannot_follow_lock_step() -> None:

@@ -3,8 +3,16 @@ from pathlib import Path
 
 import pytest
 
-from twinscrew.runtime.link.authority import TRANSITIONS, AskManual, Authority, Holder, Input
-from twinscrew.runtime.link.modes import HOLD, INITIALISING, MANUAL
+from twinscrew.runtime.link.ardupilot.authority import (
+    HOLD,
+    INITIALISING,
+    MANUAL,
+    TRANSITIONS,
+    AskManual,
+    Authority,
+    Holder,
+    Input,
+)
 
 LOITER, AUTO = 5, 10
 DOCS = Path(__file__).parents[3] / "docs" / "mavlink.md"

@@ -5,12 +5,11 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.link import commands
-from twinscrew.runtime.link.authority import AskManual
-from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
-from twinscrew.runtime.link.parameters import SAFETY
-from twinscrew.runtime.link.signing import Signing
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.link.ardupilot import commands
+from twinscrew.runtime.link.ardupilot.authority import AskManual
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.link.ardupilot.parameters import SAFETY
+from twinscrew.runtime.mavlink import Signing, Wire
 from twinscrew.runtime.settings import convert
 
 BOAT, ARDUPILOT = mavlink.MAV_TYPE_SURFACE_BOAT, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA

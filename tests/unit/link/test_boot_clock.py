@@ -3,7 +3,7 @@ import random
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.runtime.link.boot_clock import BootClock
+from twinscrew.runtime.link.ardupilot.odometry import BootClock
 
 BOOT_S = 500.0
 """[s] The caller's time when the autopilot booted."""

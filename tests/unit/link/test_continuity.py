@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twinscrew.runtime.link.continuity import FrameNumbers, Uptime
+from twinscrew.runtime.link.ardupilot.authority import FrameNumbers, Uptime
 
 WRAP_S = 2**32 * 1e-6
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twinscrew.runtime.link.datum import EARTH_RADIUS_M, Datum, from_datum_N
+from twinscrew.runtime.datum import EARTH_RADIUS_M, Datum, from_datum_N
 
 SYDNEY = Datum(latitude_deg=-33.7221, longitude_deg=150.6739)
 

@@ -8,14 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.runtime.link.ground import (
+from twinscrew.runtime.ground.shown import (
     SECTOR_RAD,
     SECTORS,
     named_value,
     obstacle_distance,
     sector_distances_cm,
 )
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.mavlink import Wire
 
 FREE = 10_001
 

@@ -5,11 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.runtime.link.datum import Datum, from_datum_N
-from twinscrew.runtime.link.mission_server import MissionServer
-from twinscrew.runtime.link.mission_upload import ASK_AGAIN_S, TRIES
-from twinscrew.runtime.link.orders import GoTo, Halt, OrderSettings, Sail
-from twinscrew.runtime.link.places import Chart
+from twinscrew.runtime.datum import Datum, from_datum_N
+from twinscrew.runtime.ground.missions import ASK_AGAIN_S, TRIES, MissionServer
+from twinscrew.runtime.ground.orders import Chart, GoTo, Halt, OrderSettings, Sail
 
 SYDNEY = Datum(latitude_deg=-33.7221, longitude_deg=150.6739)
 STATION, OTHER, STRANGER = (255, 190), (255, 191), (42, 190)

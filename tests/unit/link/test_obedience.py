@@ -1,4 +1,4 @@
-from twinscrew.runtime.link.obedience import Obedience
+from twinscrew.runtime.link.ardupilot.listener import Obedience
 
 STOP = 1500
 

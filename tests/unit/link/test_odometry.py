@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.runtime.link.datum import EARTH_RADIUS_M, Datum
-from twinscrew.runtime.link.odometry import PAIR_WITHIN_MS, OdometryFromAutopilot
+from twinscrew.runtime.datum import EARTH_RADIUS_M, Datum
+from twinscrew.runtime.link.ardupilot.odometry import PAIR_WITHIN_MS, OdometryFromAutopilot
 
 BOOT_S = 500.0
 """[s] The caller's time when the autopilot booted."""

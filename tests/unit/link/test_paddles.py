@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twinscrew.runtime.link.paddles import (
+from twinscrew.runtime.link.ardupilot.thrust import (
     PaddleSettings,
     pwm_from_thrust,
     stick_from_pwm,

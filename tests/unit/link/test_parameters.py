@@ -1,4 +1,9 @@
-from twinscrew.runtime.link.parameters import AT_ONCE, TRIES, ParameterCheck, expected_parameters
+from twinscrew.runtime.link.ardupilot.parameters import (
+    AT_ONCE,
+    TRIES,
+    ParameterCheck,
+    expected_parameters,
+)
 
 TARGET = 7
 

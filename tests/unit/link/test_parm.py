@@ -1,8 +1,7 @@
 import pytest
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.link.parameters import SHIPPED
-from twinscrew.runtime.link.parm import read_parm
+from twinscrew.runtime.link.ardupilot.parameters import SHIPPED, read_parm
 
 
 def write(tmp_path, text):

@@ -12,9 +12,12 @@ from tests.harness.cut_line import SerialAdapter
 from tests.harness.waiting import wait_until
 
 from twinscrew.runtime.errors import LinkError
-from twinscrew.runtime.link.carrier import Transport
-from twinscrew.runtime.link.reopening import ReopeningTransport, reopening
-from twinscrew.runtime.link.transport import open_transport
+from twinscrew.runtime.link.transport import (
+    ReopeningTransport,
+    Transport,
+    open_transport,
+    reopening,
+)
 
 LOOPBACK = "127.0.0.1"
 

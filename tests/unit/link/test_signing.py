@@ -2,9 +2,8 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.link.commands import heartbeat
-from twinscrew.runtime.link.signing import EPOCH_S, Signing, read_key
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.link.ardupilot.commands import heartbeat
+from twinscrew.runtime.mavlink import EPOCH_S, Signing, Wire, read_key
 
 KEY, OTHER_KEY = bytes(range(32)), bytes(32)
 NOW_S = EPOCH_S + 3.6e8

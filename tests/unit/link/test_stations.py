@@ -5,10 +5,10 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.runtime.link.datum import Datum, from_datum_N, to_degrees
-from twinscrew.runtime.link.orders import GoTo, Halt, OrderSettings, Relative, Sail
-from twinscrew.runtime.link.stations import COMPLAIN_S, CURRENT_S, Stations
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.datum import Datum, from_datum_N, to_degrees
+from twinscrew.runtime.ground.orders import GoTo, Halt, OrderSettings, Relative, Sail
+from twinscrew.runtime.ground.stations import COMPLAIN_S, CURRENT_S, Stations
+from twinscrew.runtime.mavlink import Wire
 
 SYDNEY = Datum(latitude_deg=-33.7221, longitude_deg=150.6739)
 US = (1, 191)

@@ -1,6 +1,6 @@
 import pytest
 
-from twinscrew.runtime.link.streams import SELDOM_S, TRIES, Stream
+from twinscrew.runtime.link.ardupilot.commands import SELDOM_S, TRIES, Stream
 
 SERVO_OUTPUT_RAW, ATTITUDE, HEARTBEAT = 36, 30, 0
 

@@ -9,11 +9,15 @@ import pytest
 from tests.harness.work import calls_of
 
 from twinscrew.runtime.errors import LinkError
-from twinscrew.runtime.link.commands import heartbeat
-from twinscrew.runtime.link.signing import Signing
-from twinscrew.runtime.link.sockets import ENOUGH, PEER_SILENT_S, UdpTransport
-from twinscrew.runtime.link.transport import await_transport, open_transport
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.link.ardupilot.commands import heartbeat
+from twinscrew.runtime.link.transport import (
+    ENOUGH,
+    PEER_SILENT_S,
+    UdpTransport,
+    await_transport,
+    open_transport,
+)
+from twinscrew.runtime.mavlink import Signing, Wire
 
 LOOPBACK = "127.0.0.1"
 

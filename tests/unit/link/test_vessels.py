@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.runtime.link.datum import Datum, from_datum_N
-from twinscrew.runtime.link.vessels import ais_vessels, mmsi
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.datum import Datum, from_datum_N
+from twinscrew.runtime.ground.shown import ais_vessels, mmsi
+from twinscrew.runtime.mavlink import Wire
 from twinscrew.runtime.messages.types import Tracks
 
 SYDNEY = Datum(latitude_deg=-33.7221, longitude_deg=150.6739)

@@ -6,9 +6,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.harness.work import calls_of
 
-from twinscrew.runtime.link.commands import heartbeat
-from twinscrew.runtime.link.signing import Signing
-from twinscrew.runtime.link.wire import MOST_FALSE_STARTS, MOST_MESSAGES, Wire
+from twinscrew.runtime.link.ardupilot.commands import heartbeat
+from twinscrew.runtime.mavlink import MOST_FALSE_STARTS, MOST_MESSAGES, Signing, Wire
 
 
 def attitude(roll=0.1):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from twinscrew.runtime.errors import MessageError
-from twinscrew.runtime.messages.cloud import decode_point_cloud, encode_point_cloud
+from twinscrew.runtime.messages.point_cloud import decode_point_cloud, encode_point_cloud
 from twinscrew.runtime.messages.types import PointCloud
 
 

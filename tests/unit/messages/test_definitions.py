@@ -6,8 +6,7 @@ import pytest
 
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.definitions import OWN, definition, type_hash, type_store
-from twinscrew.runtime.messages.topics import TOPICS
+from twinscrew.runtime.messages.topics import OWN, TOPICS, definition, type_hash, type_store
 
 GOLDEN = Path(__file__).parents[2] / "data" / "cdr"
 TYPES = {

@@ -1,10 +1,10 @@
-from twinscrew.runtime.messages.definitions import type_store
-from twinscrew.runtime.messages.diagnostics import (
+from twinscrew.runtime.messages.topics import type_store
+from twinscrew.runtime.messages.types import HealthEvent, Severity
+from twinscrew.runtime.messages.visual import (
     DIAGNOSTICS_TYPE,
     decode_diagnostics,
     encode_diagnostics,
 )
-from twinscrew.runtime.messages.types import HealthEvent, Severity
 
 
 def event(severity):

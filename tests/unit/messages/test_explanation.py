@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.definitions import type_store
-from twinscrew.runtime.messages.explanation import EXPLANATION_TYPE
+from twinscrew.runtime.messages.decision import EXPLANATION_TYPE
+from twinscrew.runtime.messages.topics import type_store
 from twinscrew.runtime.messages.types import Explanation
 
 SAID = Explanation(

@@ -6,9 +6,8 @@ from tests.harness.work import calls_of
 
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.cloud import MOST_FIELDS, MOST_POINTS
-from twinscrew.runtime.messages.header import write_header
-from twinscrew.runtime.messages.path import MOST_PLACES
+from twinscrew.runtime.messages.navigation import MOST_PLACES, write_header
+from twinscrew.runtime.messages.point_cloud import MOST_FIELDS, MOST_POINTS
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.types import Fix, Goal, Imu, Odometry, PointCloud
 from twinscrew.runtime.messages.wire import LONGEST_NAME, Writer
@@ -144,8 +143,8 @@ def test_a_name_is_as_long_as_dds_allows_and_no_longer(decode, payload):
 def test_a_route_is_the_same_whether_its_places_are_read_at_once_or_one_by_one(frames, order):
     payload = poses(frames)
     if order == ">":
-        from twinscrew.runtime.messages.definitions import type_store
-        from twinscrew.runtime.messages.path import PATH_TYPE
+        from twinscrew.runtime.messages.navigation import PATH_TYPE
+        from twinscrew.runtime.messages.topics import type_store
 
         message = type_store().deserialize_cdr(payload, PATH_TYPE)
         payload = bytes(type_store().serialize_cdr(message, PATH_TYPE, little_endian=False))

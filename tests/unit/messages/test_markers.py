@@ -3,13 +3,13 @@ import math
 import numpy as np
 import pytest
 
-from twinscrew.runtime.messages.definitions import type_store
-from twinscrew.runtime.messages.markers import (
+from twinscrew.runtime.messages.topics import type_store
+from twinscrew.runtime.messages.types import Objects, Tracks
+from twinscrew.runtime.messages.visual import (
     MARKERS_TYPE,
     encode_object_markers,
     encode_track_markers,
 )
-from twinscrew.runtime.messages.types import Objects, Tracks
 
 ADD, DELETE_ALL = 0, 3
 ARROW, CYLINDER = 0, 3

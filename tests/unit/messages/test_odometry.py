@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from twinscrew.runtime.errors import MessageError
-from twinscrew.runtime.messages.odometry import (
+from twinscrew.runtime.messages.navigation import (
     decode_goal,
     decode_odometry,
     encode_goal,

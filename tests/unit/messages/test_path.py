@@ -5,8 +5,8 @@ import pytest
 
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.definitions import type_store
-from twinscrew.runtime.messages.path import PATH_TYPE
+from twinscrew.runtime.messages.navigation import PATH_TYPE
+from twinscrew.runtime.messages.topics import type_store
 
 
 @pytest.mark.parametrize("frame_id", ["", "w", "world", "a/long/frame", "odom_12"])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from twinscrew.runtime.errors import MessageError
-from twinscrew.runtime.messages.point_cloud2 import DATATYPES, read_points
+from twinscrew.runtime.messages.point_cloud import DATATYPES, read_points
 
 NUMBERS = {code: number for number, code in DATATYPES.items()}
 

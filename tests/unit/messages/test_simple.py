@@ -4,7 +4,7 @@ import struct
 import pytest
 
 from twinscrew.runtime.errors import MessageError
-from twinscrew.runtime.messages.simple import (
+from twinscrew.runtime.messages.navigation import (
     decode_clock,
     decode_engagement,
     decode_thrust,

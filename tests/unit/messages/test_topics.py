@@ -4,8 +4,7 @@ from pathlib import Path
 import pytest
 
 from twinscrew.runtime.errors import BusError
-from twinscrew.runtime.messages.definitions import type_hash
-from twinscrew.runtime.messages.topics import CORE_INPUTS, TOPICS, key, ros_name
+from twinscrew.runtime.messages.topics import CORE_INPUTS, TOPICS, key, ros_name, type_hash
 
 ROOT = Path(__file__).parents[3]
 

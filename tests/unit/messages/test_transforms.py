@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from twinscrew.runtime.geometry import quaternion_from_euler
-from twinscrew.runtime.messages.definitions import type_store
-from twinscrew.runtime.messages.transforms import (
+from twinscrew.runtime.messages.topics import type_store
+from twinscrew.runtime.messages.types import Odometry
+from twinscrew.runtime.messages.visual import (
     TRANSFORMS_TYPE,
     Transform,
     encode_transforms,
     vessel_transform,
 )
-from twinscrew.runtime.messages.types import Odometry
 
 
 def read(payload):

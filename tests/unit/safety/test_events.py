@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twinscrew.runtime.estimation import estimator as estimation_events
-from twinscrew.runtime.link import events as link_events
+from twinscrew.runtime.link.ardupilot import events as link_events
 from twinscrew.runtime.safety import events
 from twinscrew.runtime.safety.events import GREATEST_DETAIL, LIDAR_STALE, EventKind
 from twinscrew.runtime.vessel.health import State

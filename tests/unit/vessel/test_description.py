@@ -15,7 +15,7 @@ from twinscrew.hil_sim.vessel.dynamics import VesselDynamics
 from twinscrew.hil_sim.vessel.rest import at_rest, equilibrium
 from twinscrew.runtime import vessel_estimates as estimate
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.link.paddles import PaddleSettings, pwm_from_thrust, thrust_from_pwm
+from twinscrew.runtime.link.ardupilot.thrust import PaddleSettings, pwm_from_thrust, thrust_from_pwm
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS, Observation
 from twinscrew.runtime.policy.hull_units import HullUnits, in_units, units_of
 from twinscrew.runtime.policy.load import InHullUnits, load_policy

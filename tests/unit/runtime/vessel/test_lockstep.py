@@ -5,8 +5,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.harness.boat import EPOCH_NS, cloud, odometry
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
-from twinscrew.runtime.link.autopilot import AutopilotSettings
-from twinscrew.runtime.link.wire import Wire
+from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
+from twinscrew.runtime.mavlink import Wire
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.vessel.config import RuntimeConfig
 from twinscrew.runtime.vessel.lockstep import SteppedRuntime

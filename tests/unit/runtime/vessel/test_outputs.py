@@ -7,8 +7,7 @@ import pytest
 from tests.harness.boat import Steady, decided, make_pipeline, odometry
 
 from twinscrew.runtime.app.recording import DecisionHash
-from twinscrew.runtime.bus.base import Received
-from twinscrew.runtime.bus.memory import MemoryBus
+from twinscrew.runtime.bus.base import MemoryBus, Received
 from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Decision

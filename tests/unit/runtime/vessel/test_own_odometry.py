@@ -12,14 +12,14 @@ from tests.harness.circling import DT_S, Circling
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.telemetry import Origin
+from twinscrew.runtime.datum import EARTH_RADIUS_M, Datum
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.estimation.inertial import InertialFilter
 from twinscrew.runtime.geometry import quaternion_from_euler
-from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
-from twinscrew.runtime.link.datum import EARTH_RADIUS_M, Datum
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.odometry import as_read_back
+from twinscrew.runtime.messages.navigation import as_read_back
 from twinscrew.runtime.messages.types import Odometry
 from twinscrew.runtime.vessel.config import RuntimeConfig, autopilot_of, inputs_of
 from twinscrew.runtime.vessel.inputs import ANOTHER_CLOCK_NS, WINDOW, Alignment, AlignmentSettings

@@ -13,14 +13,13 @@ from tests.harness.boat import Boat, cloud, odometry, stamp
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.rover import Mode
 from twinscrew.runtime.app.recording_settings import RecordingSettings
-from twinscrew.runtime.bus.base import Received
-from twinscrew.runtime.bus.memory import MemoryBus
-from twinscrew.runtime.bus.zenoh_config import ZenohSettings
+from twinscrew.runtime.bus.base import MemoryBus, Received
+from twinscrew.runtime.bus.zenoh import ZenohSettings
 from twinscrew.runtime.errors import LinkError, RecordingError
-from twinscrew.runtime.link.carrier import Transport
-from twinscrew.runtime.link.settings import AutopilotSettings
+from twinscrew.runtime.link.ardupilot.settings import AutopilotSettings
+from twinscrew.runtime.link.transport import Transport
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.header import write_header
+from twinscrew.runtime.messages.navigation import write_header
 from twinscrew.runtime.messages.wire import Writer
 from twinscrew.runtime.safety.events import GREATEST_DETAIL
 from twinscrew.runtime.vessel.config import RuntimeConfig

@@ -21,7 +21,7 @@ from tests.harness.boat import (
 
 from twinscrew.hil_sim.autopilot.rover import Mode
 from twinscrew.runtime.errors import PolicyError, TwinscrewError
-from twinscrew.runtime.link.autopilot import AutopilotLink, AutopilotSettings
+from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Engagement, Goal
 from twinscrew.runtime.safety.guard import Guard, ThrustLimits

@@ -1,0 +1,1 @@
+"""Ground stations: what they order, and what they are shown."""

@@ -1,0 +1,1 @@
+"""ArduPilot Rover as the autopilot of a twin-propeller boat."""

@@ -1,0 +1,365 @@
+"""sensor_msgs/PointCloud2 to and from points, with limits on what a message may cost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Any, Final, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twinscrew.runtime import _native
+from twinscrew.runtime.errors import MessageError, one_of
+from twinscrew.runtime.messages.navigation import LIDAR_FRAME, read_header, write_header
+from twinscrew.runtime.messages.types import Float32, PointCloud
+from twinscrew.runtime.messages.wire import HEADER_SIZE, Reader, Writer
+
+# -- `sensor_msgs/PointCloud2`: a LiDAR scan.
+
+
+POINT_CLOUD_TYPE: Final = "sensor_msgs/msg/PointCloud2"
+
+_SMALLEST_FIELD: Final = 17
+"""[B] A PointField with an empty name, without padding."""
+MOST_FIELDS: Final = 64
+"""[-] Drivers of LiDARs write 3 to 12, of radars up to some 30; half a million take seconds."""
+MOST_POINTS: Final = 2**20
+"""[-] Of one scan: 128 beams, 4096 columns and two returns. Fields may overlap, so that the size of
+a message alone does not bound what its points take."""
+_UINT16: Final = 4
+_FLOAT32: Final = 7
+"""sensor_msgs/PointField's numbers of types."""
+_FLU: Final = np.array((1.0, -1.0, -1.0), np.float32)
+"""Turns FRD into FLU and back."""
+
+
+class PointField(NamedTuple):
+    """One value of a point: a sensor_msgs/PointField."""
+
+    name: str
+    offset: int
+    """[B] From the start of a point."""
+    datatype: int
+    elements: int = 1
+
+
+_XYZ: Final = (
+    PointField("x", 0, _FLOAT32),
+    PointField("y", 4, _FLOAT32),
+    PointField("z", 8, _FLOAT32),
+)
+_EXTRAS: Final = {
+    "intensity": PointField("intensity", 12, _FLOAT32),
+    "ring": PointField("ring", 16, _UINT16),
+    "time": PointField("time", 20, _FLOAT32),
+}
+"""Where we write what: four bytes each, whether the others are there or not."""
+
+
+def decode_point_cloud(payload: bytes | memoryview) -> PointCloud:
+    """Read a sensor_msgs/PointCloud2 in FLU, of any layout that has x, y and z.
+
+    Raises
+    ------
+    MessageError
+        Not such a message; more fields, points or letters in a name than allowed; or a layout that
+        cannot be: fields missing, outside a point, of a type that they cannot have, or sizes that
+        disagree.
+    """
+    reader = Reader(payload, POINT_CLOUD_TYPE)
+    stamp_ns, frame_id = read_header(reader)
+    height, width = reader.values("2I", 4)
+    if height * width > MOST_POINTS:
+        raise reader.fail(
+            f"{height * width} points are too many: at most {MOST_POINTS} are allowed"
+        )
+    count = reader.count(_SMALLEST_FIELD)
+    if count > MOST_FIELDS:
+        raise reader.fail(f"{count} fields are too many: at most {MOST_FIELDS} are allowed")
+    fields = tuple(_read_field(reader) for _ in range(count))
+    is_bigendian = reader.flag()
+    point_step, row_step = reader.values("2I", 4)
+    data = np.frombuffer(reader.octets(), np.uint8)
+    reader.flag()
+    reader.end()
+    points = read_points(
+        data, fields, width, height, point_step, row_step, is_bigendian, stamp_ns=stamp_ns
+    )
+    return PointCloud(stamp_ns=stamp_ns, frame_id=frame_id, **points._asdict())
+
+
+def encode_point_cloud(cloud: PointCloud) -> bytes:
+    """Write a sensor_msgs/PointCloud2 in FLU: x, y, z, and what else the cloud has."""
+    extras = {"intensity": cloud.intensity, "ring": cloud.ring, "time": cloud.time_offset_s}
+    columns = {name: values for name, values in extras.items() if values is not None}
+    count = len(cloud.points_S)
+    if any(len(values) != count for values in columns.values()):
+        raise MessageError(f"{POINT_CLOUD_TYPE}: its arrays differ in length")
+    fields = (*_XYZ, *(_EXTRAS[name] for name in columns))
+    record = _record(fields)
+    size = count * record.itemsize
+    writer = Writer()
+    write_header(writer, cloud.stamp_ns, cloud.frame_id or LIDAR_FRAME)
+    writer.values("2I", 4, 1, count)
+    _write_fields(writer, fields)
+    writer.values("?3x3I", 4, False, record.itemsize, size, size)
+    head = writer.payload()
+    # The points are written where they will be sent from. What follows them is `is_dense`: False.
+    payload = np.zeros(len(head) + size + 1, np.uint8)
+    payload[: len(head)] = np.frombuffer(head, np.uint8)
+    points = payload[len(head) : -1].view(record)
+    np.multiply(cloud.points_S, _FLU, out=points["xyz"])
+    for name, values in columns.items():
+        points[name] = values
+    return payload.tobytes()
+
+
+@lru_cache
+def _record(fields: tuple[PointField, ...]) -> np.dtype[np.void]:
+    """Give the layout of a point, as long as a multiple of four bytes."""
+    extras = fields[len(_XYZ) :]
+    return np.dtype(
+        {
+            "names": ["xyz", *(field.name for field in extras)],
+            "formats": ["3<f4", *("<" + DATATYPES[field.datatype] for field in extras)],
+            "offsets": [0, *(field.offset for field in extras)],
+            "itemsize": fields[-1].offset + 4,
+        }
+    )
+
+
+def _read_field(reader: Reader) -> PointField:
+    name = reader.name()
+    offset, datatype, count = reader.values("IB3xI", 4)
+    return PointField(name, offset, datatype, count)
+
+
+def _write_fields(writer: Writer, fields: tuple[PointField, ...]) -> None:
+    writer.aligned(_fields_as_bytes(fields), 4)
+
+
+@lru_cache
+def _fields_as_bytes(fields: tuple[PointField, ...]) -> bytes:
+    """Give what a sensor's every cloud says of its fields, as it is after a multiple of four."""
+    writer = Writer()
+    writer.values("I", 4, len(fields))
+    for field in fields:
+        writer.string(field.name)
+        writer.values("IB3xI", 4, *field[1:])
+    return writer.payload()[HEADER_SIZE:]
+
+
+# -- Points out of a PointCloud2, whatever its layout.
+#
+# A PointCloud2 is rows of records; its fields say where in a record a value lies and of which type
+# it is. ROS gives sensor axes as forward-left-up (REP 103); they leave here as forward-starboard-
+# down. Source of the layout: sensor_msgs/PointCloud2 and sensor_msgs/PointField.
+
+DATATYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
+"""sensor_msgs/PointField's numbers for INT8 .. FLOAT64."""
+TIME_FIELDS = ("t", "time", "offset_time", "timestamp")
+"""Names under which drivers give a time: integers are nanoseconds, floats seconds."""
+TIME_UNITS_S = (1.0, 1e-9, 1e-6)
+"""[s] In which drivers give a time of day as float64."""
+LONGEST_S = 10.0
+"""[s] No scan lasts longer."""
+_FIELDS_SHOWN, _NAME_SHOWN = 12, 24
+"""[-] How many fields an error names, and how many letters of each."""
+
+
+class Field(Protocol):
+    """What is needed of a sensor_msgs/PointField."""
+
+    @property
+    def name(self) -> str:
+        """Name of the value, as "x"."""
+
+    @property
+    def offset(self) -> int:
+        """[bytes] From the start of a point's record."""
+
+    @property
+    def datatype(self) -> int:
+        """A key of `DATATYPES`."""
+
+
+class Points(NamedTuple):
+    """The values of N points."""
+
+    points_S: Float32
+    """[m] [S, FRD] (N, 3)"""
+    intensity: Float32 | None
+    """[sensor's own] (N,)"""
+    ring: NDArray[np.uint16] | None
+    """[-] (N,)"""
+    time_offset_s: Float32 | None
+    """[s] (N,) after the message's stamp."""
+
+
+class _Cloud:
+    """A checked cloud: gives each field as a strided view of the bytes."""
+
+    def __init__(
+        self,
+        data: NDArray[np.uint8],
+        fields: Iterable[Field],
+        shape: tuple[int, int],
+        steps: tuple[int, int],
+        order: str,
+    ) -> None:
+        height, width = shape
+        row_step, point_step = steps
+        if min(height, width, row_step, point_step) < 0:
+            raise MessageError(f"PointCloud2: negative size {shape} or step {steps}")
+        if data.ndim != 1 or data.size != height * row_step:
+            raise MessageError(
+                f"PointCloud2: {data.size} bytes of data, but {height} rows of {row_step} bytes"
+            )
+        if height and width * point_step > row_step:
+            raise MessageError(
+                f"PointCloud2: rows of {row_step} bytes cannot hold {width} points of {point_step}"
+            )
+        self.data, self.shape, self.steps, self.order = (
+            np.ascontiguousarray(data),
+            shape,
+            steps,
+            order,
+        )
+        self.fields = {field.name: field for field in reversed(tuple(fields))}  # the first counts
+
+    @property
+    def count(self) -> int:
+        """[-] Number of points."""
+        return self.shape[0] * self.shape[1]
+
+    def first_of(self, names: Iterable[str]) -> str | None:
+        """Give the first of `names` that is a field of this cloud."""
+        return next((name for name in names if name in self.fields), None)
+
+    def _names(self) -> str:
+        """Give the fields' names for an error, cut short: they may be many and long."""
+        names = list(reversed(self.fields))[:_FIELDS_SHOWN]
+        named = ", ".join(repr(name[:_NAME_SHOWN]) for name in names)
+        more = len(self.fields) - _FIELDS_SHOWN
+        return f"{named} and {more} more" if more > 0 else named or "none"
+
+    def dtype(self, name: str, kinds: str) -> np.dtype[Any]:
+        """Give the type of a field; refuse it if it is missing or not of the numpy `kinds`."""
+        field = self.fields.get(name)
+        if field is None:
+            raise MessageError(f"PointCloud2: no field {name!r}, only {self._names()}")
+        if field.datatype not in DATATYPES:
+            words = one_of(field.datatype, DATATYPES)
+            raise MessageError(f"PointCloud2: field {name!r}: datatype {words}")
+        dtype = np.dtype(self.order + DATATYPES[field.datatype])
+        if dtype.kind not in kinds:
+            raise MessageError(f"PointCloud2: field {name!r} is of unusable type {dtype.name}")
+        if field.offset < 0 or field.offset + dtype.itemsize > self.steps[1]:
+            raise MessageError(
+                f"PointCloud2: field {name!r} at byte {field.offset} leaves a point's "
+                f"{self.steps[1]} bytes"
+            )
+        return dtype
+
+    def view(self, name: str, kinds: str = "iuf") -> NDArray[Any]:
+        """Give a field as a view, (height, width), of its own type."""
+        dtype = self.dtype(name, kinds)
+        if self.count == 0:
+            return np.empty(self.shape, dtype)
+        return np.ndarray(self.shape, dtype, self.data, self.fields[name].offset, self.steps)
+
+
+def read_points(
+    data: NDArray[np.uint8],
+    fields: Iterable[Field],
+    width: int,
+    height: int,
+    point_step: int,
+    row_step: int,
+    is_bigendian: bool,
+    *,
+    stamp_ns: int = 0,
+) -> Points:
+    """Read the points of a PointCloud2 of any layout.
+
+    Parameters
+    ----------
+    data : (height * row_step,) uint8
+        The records.
+    fields
+        Where x, y, z (float32 or float64) and perhaps intensity, ring (or channel) and a time lie.
+    width, height
+        [-] Points a row, and rows.
+    point_step, row_step
+        [bytes] Length of a record, and of a row with its padding.
+    is_bigendian
+        True if the values are big endian.
+    stamp_ns
+        [ns] The message's stamp: an absolute time field is given relative to it.
+
+    Raises
+    ------
+    MessageError
+        A field that is missing, of an unusable type or outside the record; sizes that disagree.
+    """
+    order = ">" if is_bigendian else "<"
+    cloud = _Cloud(data, fields, (height, width), (row_step, point_step), order)
+    with np.errstate(over="ignore", invalid="ignore"):  # a float64 beyond float32 becomes infinite
+        return Points(
+            _positions(cloud), _intensity(cloud), _ring(cloud), _time_offset_s(cloud, stamp_ns)
+        )
+
+
+def _positions(cloud: _Cloud) -> Float32:
+    """Give x, y, z in FRD, (N, 3): left and up change their sign."""
+    views = [cloud.view(name, "f") for name in "xyz"]
+    points_S = np.empty((cloud.count, 3), np.float32)
+    if cloud.count and all(view.dtype == np.float32 for view in views):
+        offsets = tuple(cloud.fields[name].offset for name in "xyz")
+        _native.gather_frd(cloud.data, offsets, cloud.shape, cloud.steps, points_S)
+        return points_S
+    for column, (view, sign) in enumerate(zip(views, (1.0, -1.0, -1.0), strict=True)):
+        np.multiply(view.reshape(-1), sign, out=points_S[:, column], casting="same_kind")
+    return points_S
+
+
+def _intensity(cloud: _Cloud) -> Float32 | None:
+    name = cloud.first_of(("intensity", "reflectivity"))
+    return None if name is None else cloud.view(name).astype(np.float32).reshape(-1)
+
+
+def _ring(cloud: _Cloud) -> NDArray[np.uint16] | None:
+    name = cloud.first_of(("ring", "channel"))
+    if name is None:
+        return None
+    view = cloud.view(name)
+    if view.dtype.newbyteorder("=") not in (np.uint8, np.uint16):
+        view = np.clip(np.nan_to_num(view), 0, np.iinfo(np.uint16).max)
+    return view.astype(np.uint16).reshape(-1)
+
+
+def _time_offset_s(cloud: _Cloud, stamp_ns: int) -> Float32 | None:
+    """Give times after the stamp."""
+    name = cloud.first_of(TIME_FIELDS)
+    if name is None:
+        return None
+    view = cloud.view(name).reshape(-1)
+    if view.dtype.kind != "f":
+        return (view * 1e-9).astype(np.float32)
+    if view.dtype.itemsize == 8 and view.size:
+        view = _after(view, stamp_ns * 1e-9, is_absolute=name == "timestamp")
+    return view.astype(np.float32)
+
+
+def _after(times: NDArray[Any], stamp_s: float, *, is_absolute: bool) -> NDArray[Any]:
+    """Give float64 times after the stamp: some drivers give a time of day, in one unit or another.
+
+    What the numbers are is told by what brings the last of them nearest to the stamp. A time that
+    `is_absolute` by its name may be one of the first seconds of a simulation.
+    """
+    latest = float(np.abs(times[np.isfinite(times)]).max(initial=0.0))
+    if latest < LONGEST_S and not is_absolute:
+        return times
+    unit = min(TIME_UNITS_S, key=lambda unit: abs(latest * unit - stamp_s))
+    return times if latest <= abs(latest * unit - stamp_s) else times * unit - stamp_s
