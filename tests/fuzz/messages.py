@@ -29,7 +29,7 @@ from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.navigation import write_header
 from twinscrew.runtime.messages.types import Goal
 from twinscrew.runtime.messages.wire import Writer
-from twinscrew.runtime.vessel.outputs import Outlet
+from twinscrew.runtime.vessel.outputs import Publisher
 from twinscrew.runtime.vessel.realtime import Loop
 
 MOST_CALLS = 150_000
@@ -182,20 +182,18 @@ def refuse_faults(payload: bytes) -> None:
 
 def sail(rng: np.random.Generator) -> int:
     """Let one boat take in some tens of odd messages; give the most calls that one took."""
-    boat, grammar = Boat(), Grammar(rng)
-    line = Line(boat)
     datum = Datum(latitude_deg=59.0, longitude_deg=11.0)
     report = GroundReport(GroundSettings(vessels_hz=5.0, obstacles_hz=5.0), datum, 1)
+    boat, grammar = Boat(report=report), Grammar(rng)
+    line = Line(boat)
     bus = MemoryBus("wamv")
     bus.subscribe("diagnostics", lambda message: refuse_faults(message.payload))
-    outlet = Outlet(bus, None)
     loop = Loop(
-        boat.controller,
+        boat.vessel,
         None,  # type: ignore[arg-type]  # messages are handed over here
         line,
-        outlet,
+        Publisher(bus, None),
         rate_hz=20.0,
-        ground=report,
         clock=lambda: boat.now_s,
     )
     loop._next_tick_s = 0.0

@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.rover import RoverSettings
+from twinscrew.runtime.app.ground import GroundReport
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.ground.stations import Stations
@@ -125,13 +126,14 @@ class Boat:
         rover: dict[str, object] | None = None,
         stations: Stations | None = None,
         limits: ThrustLimits | None = None,
+        report: GroundReport | None = None,
         **link: object,
     ) -> None:
         self.policy = policy or Steady()
         settings = AutopilotSettings(**{"arm": True, "receiver_fitted": False, **link})
         autopilot_link = AutopilotLink(settings, stations=stations)
         pipeline = make_pipeline(self.policy, waypoints_m)
-        self.vessel = Vessel(pipeline, autopilot_link, limits=limits)
+        self.vessel = Vessel(pipeline, autopilot_link, report=report, limits=limits)
         pilot = RoverAutopilotSettings(rover=RoverSettings(**(rover or {})))
         self.autopilot = RoverAutopilot(pilot, 1)
         self.now_s = 0.0
