@@ -17,12 +17,12 @@ PARTS = {
     "lidar": (("hil_sim/world.py", "cloud"),),
     "physics": (("hil_sim/supervisor.py", "advance"),),
     "messages_out": (
-        ("runtime/messages/cloud.py", "encode_point_cloud"),
-        ("runtime/messages/odometry.py", "encode_odometry"),
+        ("runtime/messages/point_cloud.py", "encode_point_cloud"),
+        ("runtime/messages/navigation.py", "encode_odometry"),
     ),
     "messages_in": (
-        ("runtime/messages/cloud.py", "decode_point_cloud"),
-        ("runtime/messages/odometry.py", "decode_odometry"),
+        ("runtime/messages/point_cloud.py", "decode_point_cloud"),
+        ("runtime/messages/navigation.py", "decode_odometry"),
     ),
     "perception": (("runtime/vessel/pipeline.py", "_perceive"),),
     "tracking": (("runtime/tracking/tracker.py", "step"),),

@@ -284,8 +284,8 @@ class Alignment:
     """The LiDAR's clock less the loop's.
 
     Scans and odometry are put in order by their stamps, so both must be of one clock. The
-    autopilot's state comes with the loop's monotonic time (`runtime/link/boot_clock.py`), scans
-    with the stamps of the LiDAR's driver. Two rules, one of which is configured:
+    autopilot's state comes with the loop's monotonic time (`runtime/link/ardupilot/odometry.py`),
+    scans with the stamps of the LiDAR's driver. Two rules, one of which is configured:
 
     - `arrival`: stamp and arrival of every scan give the clocks' difference, latency included. The
       median of the last ten seconds counts: a late or wrongly stamped scan moves nothing, and drift
