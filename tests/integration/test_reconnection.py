@@ -122,6 +122,8 @@ def test_a_cut_line_to_the_autopilot_stops_the_boat_and_a_mended_one_lets_it_go_
         assert "link_restored" not in sensors.events
         boat.within(boat.line.mend)
         wait_until(lambda: {"link_restored", "autopilot_recovered"} <= set(sensors.events))
+        wait_until(lambda: "mode_taken" in sensors.events)  # its HOLD may be a pilot's
+        boat.within(lambda: boat.autopilot.rover.set_mode(Mode.MANUAL))
         wait_until(lambda: boat.moves)
         wait_until(lambda: sensors.thrust[-1] > 0.0)
     assert sensors.events.count("link_down") == 1
