@@ -214,7 +214,7 @@ class Centroids:
             As perception found them.
         own
             From where the scan was taken.
-        stands
+        at_rest
             Of each object, see `lidar_motion.LongObjects.at_rest`; by default nothing is known.
         """
         (cosine, _), (sine, _) = own.R_NL.tolist()
