@@ -26,7 +26,7 @@ PARTS = {
     ),
     "perception": (("runtime/vessel/pipeline.py", "_perceive"),),
     "tracking": (("runtime/tracking/tracker.py", "step"),),
-    "policy": (("runtime/vessel/pipeline.py", "_act"),),
+    "policy": (("runtime/policy/observation.py", "observe"), ("runtime/policy/onnx.py", "act")),
     "assurance": (("runtime/safety/assurance.py", "step"),),
     "autopilot_and_link": (("hil_sim/drivers/lockstep.py", "exchange"),),
 }

@@ -33,12 +33,20 @@ def make_sandbox(folder: Path) -> Path:
             (folder / path.name).symlink_to(path)
     (folder / "boat.toml").write_text(BOAT)
     smoke = runpy.run_path(str(ROOT / "deploy" / "smoke.py"))
-    (folder / "scan.pcd").write_text(smoke["pcd"](smoke["buoy"](8.0, 0.4)))
+    (folder / "scan.pcd").write_text(pcd(smoke["buoy"](8.0, 0.4)))
     words = [*TWINSCREW, "sitl", "--scenario", "crossing", "--lockstep", "--max-time", "3"]
     words += ["--out", "runs/first"]
     sailed = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=PATIENCE_S)
     assert (folder / "runs" / "first" / "summary.json").is_file(), sailed.stderr
     return folder
+
+
+def pcd(places: list[tuple[float, float, float]]) -> str:
+    """Write points as an ASCII PCD file."""
+    count = len(places)
+    head = f"VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {count}\n"
+    head += f"HEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA ascii\n"
+    return head + "".join(f"{x:.4f} {y:.4f} {z:.4f}\n" for x, y, z in places)
 
 
 def run(command: Command, folder: Path) -> str:

@@ -39,11 +39,18 @@ def test_times_within_a_fault_stay_as_they_are() -> None:
 
 def test_a_vessel_whose_fault_gives_the_goal_itself_waits_for_it() -> None:
     schedule = drawn(5)
-    killed = [one for one in schedule if one.plan.name == "runtime_killed"]
-    assert killed
+    after_s = {"runtime_killed": 10.0, "autopilot_first": goal_after_s("autopilot_first")}
+    restarted = [one for one in schedule if one.plan.name in after_s]
+    assert {one.plan.name for one in restarted} == set(after_s)
     assert [tuple(span) for span in waits(schedule)] == [
-        (one.begin_s, pytest.approx(one.begin_s + 10.0)) for one in killed
+        (one.begin_s, pytest.approx(one.begin_s + after_s[one.plan.name])) for one in restarted
     ]
+
+
+def goal_after_s(name: str) -> float:
+    """Give how long after its first fault a shipped plan gives the goal."""
+    faults = load_plan(name).fault
+    return next(fault.at_s for fault in faults if fault.kind == "goal") - faults[0].at_s
 
 
 def test_in_an_hour_nearly_every_fault_comes() -> None:

@@ -239,11 +239,11 @@ def test_what_a_configuration_gives_wins_over_what_follows_the_hull(tmp_path: Pa
 
 def test_a_policy_for_another_vessel_is_refused_by_both_names() -> None:
     from twinscrew.runtime.errors import PolicyError
-    from twinscrew.runtime.vessel.vessel import make_core
+    from twinscrew.runtime.vessel.pipeline import make_pipeline
 
     with pytest.raises(PolicyError, match=r"trained for 'WAM-V 16'.*Blue Robotics BlueBoat.*mpc"):
-        make_core(config_for("blueboat", policy="ac_iqn"))
-    assert make_core(config_for("blueboat", policy="mpc")).pipeline.policy.name == "mpc"
+        make_pipeline(config_for("blueboat", policy="ac_iqn"))
+    assert make_pipeline(config_for("blueboat", policy="mpc")).policy.name == "mpc"
 
 
 def test_a_planner_decides_alike_for_hulls_that_are_alike() -> None:
