@@ -254,17 +254,23 @@ def _evaluate(
     seed: int,
     where: EnvironmentSettings,
 ) -> tuple[Evaluation, ...]:
-    """Evaluate row by row, with a progress bar on standard error."""
+    """Evaluate row by row, with a progress bar on standard error, or lines for a log."""
     from rich.console import Console
     from rich.progress import Progress
 
+    from twinscrew.runtime.progress import ProgressLines
     from twinscrew.training.evaluate import evaluate_all
 
-    with Progress(console=Console(file=sys.stderr), transient=True) as bar:
-        task = bar.add_task(policy.name, total=episodes * len(rows))
+    console, total = Console(file=sys.stderr), episodes * len(rows)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task, lines, done = bar.add_task(policy.name, total=total), ProgressLines(policy.name), 0
 
         def ended(count: int) -> None:
+            nonlocal done
+            done += count
             bar.advance(task, count)
+            if not console.is_terminal:
+                lines.update(done, total)
 
         return evaluate_all(policy, rows, episodes, seed, environment=where, progress=ended)
 

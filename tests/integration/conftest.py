@@ -5,6 +5,8 @@ import os
 import pytest
 from tests.harness.page import CHROMIUM, complain
 
+from twinscrew.hil_sim.drivers.processes import LOOPBACK, free_port
+
 
 @pytest.fixture(scope="module")
 def browser():
@@ -27,3 +29,9 @@ def page(browser):
     page.on("request", lambda request: page.visited.append(request.url))
     yield page
     page.close()
+
+
+@pytest.fixture
+def endpoint():
+    """Give a Zenoh endpoint of this machine that nobody listens at."""
+    return f"tcp/{LOOPBACK}:{free_port()}"

@@ -3,7 +3,6 @@
 import asyncio
 import json
 import shutil
-import socket
 import time
 from dataclasses import replace
 
@@ -32,13 +31,6 @@ def run(tmp_path_factory):
     sail(scenario, SitlSettings(lockstep=True), folder)
     write_scene(folder, scenario)
     return folder
-
-
-@pytest.fixture
-def endpoint():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 import json
 import re
 import signal
-import socket
 import subprocess
 import sys
 from dataclasses import replace
@@ -422,13 +421,6 @@ def test_figures_over_time_are_drawn_and_lead_to_their_moment(desktop, of_five):
 
 
 # -------------------------------------------------------------------------------------- orders
-
-
-@pytest.fixture
-def endpoint():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 @pytest.fixture
