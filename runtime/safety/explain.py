@@ -69,8 +69,11 @@ def closest_approach(
     own_radius_m
         [m] The own one.
     """
-    square = np.maximum((v**2).sum(axis=-1), 1e-6)  # at 1 mm/s nothing comes nearer
-    tcpa_s = np.maximum(-(p * v).sum(axis=-1) / square, 0.0)
+    square = (v**2).sum(axis=-1)
+    moving = square > 1e-12  # below 1 um/s nothing comes nearer
+    tcpa_s = np.where(
+        moving, np.maximum(-(p * v).sum(axis=-1) / np.where(moving, square, 1.0), 0.0), 0.0
+    )
     nearest = p + v * tcpa_s[..., None]
     return Approach(np.hypot(nearest[..., 0], nearest[..., 1]) - radius - own_radius_m, tcpa_s)
 
