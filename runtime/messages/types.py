@@ -211,7 +211,7 @@ class Tracks:
     half_beam: Float64 | None = None
     """[m] (K,) Half its beam; NaN and None likewise."""
     heading: Float64 | None = None
-    """[rad] [N] (K,) Where its bow points, which may not be where it goes; NaN and None likewise."""
+    """[rad] [N] (K,) Where its bow points, maybe not where it goes; NaN and None likewise."""
     name: tuple[str, ...] | None = None
     """(K,) What the vessel calls itself, as "257123450 NORDLYS"; "" where it has not said so. None:
     no track has a name."""
