@@ -94,8 +94,8 @@ class Named:
     """[m] Half its beam; NaN: not told."""
     heading: float
     """[rad] [N] Where its bow points; NaN: not told."""
-    stamp_ns: int
-    """[ns] Of its last report."""
+    until_ns: int
+    """[ns] Without another report it is not believed any longer than this."""
 
 
 class Track:
