@@ -141,9 +141,7 @@ def outline_distance(p_N: Float64, centre_N: Float64, named: Named) -> float:
         return max(float(np.hypot(*d)) - radius, 0.0)
     c, s = math.cos(named.heading), math.sin(named.heading)
     ahead, abeam = abs(c * d[0] + s * d[1]), abs(c * d[1] - s * d[0])
-    return math.hypot(
-        max(ahead - named.half_length_m, 0.0), max(abeam - named.half_beam_m, 0.0)
-    )
+    return math.hypot(max(ahead - named.half_length_m, 0.0), max(abeam - named.half_beam_m, 0.0))
 
 
 def _of(tracks: Sequence[Track], identity: str) -> Track | None:

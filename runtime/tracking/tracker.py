@@ -72,6 +72,7 @@ from twinscrew.runtime.tracking.track import (
     Clutter,
     ExistenceSettings,
     LifeSettings,
+    Named,
     Track,
     has_moved,
     is_absorbed,
@@ -600,6 +601,12 @@ class Tracker:
         )
 
 
+def _shows_whole(track: Track, named: Named) -> bool:
+    """Tell whether a track is all of its vessel: the LiDAR may see a long ship in pieces."""
+    radius = math.hypot(named.half_length_m, named.half_beam_m)
+    return not track.scans or 0.6 * radius <= track.radius
+
+
 def _surely_within(track: Track, own_N: Float64, source: SourceSettings) -> bool:
     """Tell whether all of a vessel lies where a source sees nearly everything."""
     distance = math.hypot(*(track.x[:2] - own_N).tolist())
@@ -613,7 +620,7 @@ def _outlines(tracks: Sequence[Track]) -> dict[str, Any]:
         return {}
     rows = [
         (math.nan, math.nan, math.nan)
-        if track.named is None
+        if track.named is None or not _shows_whole(track, track.named)
         else (track.named.half_length_m, track.named.half_beam_m, track.named.heading)
         for track in tracks
     ]

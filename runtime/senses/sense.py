@@ -1,0 +1,75 @@
+"""What a sensor beside the LiDAR is to the vessel: messages in, looks for the tracker out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol, TypeAlias
+
+from twinscrew.runtime.messages.types import HealthEvent, Odometry, Tracks
+from twinscrew.runtime.tracking.detections import Look
+
+OwnAt: TypeAlias = Callable[[int], Odometry | None]
+"""Gives the own vessel's state at a stamp [ns]; None if that is not known."""
+
+
+class Heard(NamedTuple):
+    """What came of a message, or of the time."""
+
+    looks: tuple[Look, ...] = ()
+    """For the tracker."""
+    events: tuple[HealthEvent, ...] = ()
+    """For the operator."""
+
+
+NOTHING = Heard()
+
+
+class Sense(Protocol):
+    """Turns one kind of message into looks. No clock and no randomness: stamps are the time."""
+
+    def take(self, payload: bytes, latest_ns: int, own_at: OwnAt) -> Heard:
+        """Take in a message.
+
+        Parameters
+        ----------
+        payload
+            In CDR.
+        latest_ns
+            [ns] The vessel's time, for messages without a stamp of their own.
+        own_at
+            The own vessel's state.
+
+        Raises
+        ------
+        MessageError
+            It is not the message that it should be.
+        """
+
+    def step(self, stamp_ns: int, *, forgotten: bool) -> Heard:
+        """Let time pass, once a scan; if the tracker has forgotten all, say again what is known."""
+
+    def targets(self, stamp_ns: int) -> Tracks | None:
+        """Give everything that it knows by itself, for people; None if it keeps nothing."""
+
+
+@dataclass(slots=True)
+class Rarely:
+    """Lets an event of a kind pass once in a while, so that a flood is no flood of events."""
+
+    every_s: float
+    limit: int = 1024
+
+    def __post_init__(self) -> None:
+        """Begin with nothing reported."""
+        self._last_ns: dict[str, int] = {}
+
+    def allows(self, what: str, stamp_ns: int) -> bool:
+        """Tell whether something may be reported now, and note that it was."""
+        last_ns = self._last_ns.get(what)
+        if last_ns is not None and abs(stamp_ns - last_ns) < self.every_s * 1e9:
+            return False
+        if len(self._last_ns) >= self.limit:
+            self._last_ns.clear()
+        self._last_ns[what] = stamp_ns
+        return True
