@@ -10,6 +10,13 @@ from twinscrew.runtime.messages.decision import (
     encode_decision,
     encode_explanation,
 )
+from twinscrew.runtime.messages.marine import (
+    decode_radar_scan,
+    decode_sentence,
+    encode_detections,
+    encode_radar_scan,
+    encode_sentence,
+)
 from twinscrew.runtime.messages.navigation import (
     decode_clock,
     decode_engagement,
@@ -52,9 +59,12 @@ __all__ = [
     "decode_odometry",
     "decode_path",
     "decode_point_cloud",
+    "decode_radar_scan",
+    "decode_sentence",
     "decode_thrust",
     "encode_clock",
     "encode_decision",
+    "encode_detections",
     "encode_diagnostics",
     "encode_engagement",
     "encode_explanation",
@@ -65,6 +75,8 @@ __all__ = [
     "encode_odometry",
     "encode_path",
     "encode_point_cloud",
+    "encode_radar_scan",
+    "encode_sentence",
     "encode_thrust",
     "encode_track_markers",
     "encode_transforms",

@@ -1,4 +1,4 @@
-"""CDR of what a bridge's sensors say: NMEA sentences, radar scans; and of tracks for other programs.
+"""CDR of what a bridge's sensors say: NMEA sentences, radar scans; and of tracks for others.
 
 The types are those that ROS drivers have: `nmea_msgs/Sentence`, `radar_msgs/RadarScan`, and
 `vision_msgs/Detection3DArray`, which holds covariance and outline of each track. Frames are FLU and

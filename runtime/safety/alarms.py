@@ -1,9 +1,9 @@
 """Tells of vessels that come too near on present courses, early: closest approach, and when.
 
-For a navigator a risk of collision is a bearing that does not change while the range closes (COLREGs
-rule 7 d). That is a miss distance near zero. How well it is known follows from the track's
-covariance: a minute ahead, a velocity that is off by 0.3 m/s moves it by 18 m. So a vessel is
-announced when it more probably than not comes nearer than the limit, for some seconds without a
+For a navigator a risk of collision is a bearing that does not change while the range closes
+(COLREGs, rule 7 d). That is a miss distance near zero. How well it is known follows from the
+track's covariance: a minute ahead, a velocity that is off by 0.3 m/s moves it by 18 m. So a vessel
+is announced when it more probably than not comes nearer than the limit, for some seconds without a
 break, and not because one report says so.
 """
 

@@ -104,6 +104,9 @@ LINK_DOWN = _error(
     "link_down", "The connection to the autopilot broke: it is opened again, neutral thrust."
 )
 LINK_RESTORED = _info("link_restored", "The connection to the autopilot is open again.")
+RECEIVER_DOWN = _warning(
+    "receiver_down", "A line that NMEA sentences come by broke: it is opened again."
+)
 AIS_STALE = _info("ais_stale", "A vessel has missed two of its AIS reports.")
 AIS_LOST = _info("ais_lost", "A vessel has been silent on AIS for too long: it is forgotten.")
 AIS_JUMP = _warning(

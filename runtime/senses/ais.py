@@ -1,6 +1,6 @@
 """AIS: what vessels say of themselves, made into reports that the tracker can use.
 
-Sentences of NMEA 0183 come in, from a receiver or from an autopilot that forwards what it has heard.
+Sentences of NMEA 0183 come in, from a receiver or from an autopilot that forwards what it hears.
 pyais reads them: class A (messages 1, 2, 3, 5), class B (18, 19, 24), aids to navigation (21), base
 stations (4). A report says where the antenna was at a second of UTC; what goes to the tracker is
 where the middle of the hull is now. Rates and what is "not available": ITU-R M.1371-5.
@@ -100,7 +100,7 @@ class AisSettings(Settings, frozen=True, kw_only=True):
     fastest_mps: Positive = 40.0
     """[m/s] No vessel is faster."""
     own_echo_m: NonNegative = 15.0
-    """[m] Reports this near the own vessel that move as it does are not used: they may be its own;"""
+    """[m] Reports this near the own vessel that move as it does are not used: they may be its;"""
     own_echo_s: Positive = 20.0
     """[s] they are, if they do so for so long."""
     most_targets: Count = 300
@@ -113,7 +113,7 @@ SOURCE = SourceSettings(identifies=True, acceleration_psd=0.02, radius_m=5.0)
 """What the tracker must know of AIS."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Face:
     """One place at which a number is heard; two vessels with one number have two."""
 
@@ -125,7 +125,7 @@ class Face:
     report: PositionReport | None = None
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Target:
     """What is known of one number (MMSI)."""
 
@@ -360,7 +360,7 @@ class Ais:
         """[s] Give how old a report is, by the second of UTC at which its position was taken."""
         if not self._settings.clock_is_utc or not 0 <= second < 60:
             return self._settings.latency_s
-        age_s = (stamp_ns / NANOSECONDS_PER_SECOND - second - 0.5) % 60.0
+        age_s = (stamp_ns / NANOSECONDS_PER_SECOND - second) % 60.0
         if age_s > 55.0:  # clocks differ a little
             return 0.0
         return age_s if age_s <= 30.0 else self._settings.latency_s
@@ -461,7 +461,7 @@ class Ais:
     def _is_with_us(
         self, target: Target, report: PositionReport, stamp_ns: int, own: Odometry | None
     ) -> bool:
-        """Tell whether a report may be the own vessel's: what is that near is the LiDAR's to see."""
+        """Tell whether a report may be the own vessel's; near by the LiDAR sees for itself."""
         if own is None or report.v_N is None:
             return False
         heading = own.heading
@@ -564,13 +564,13 @@ class Ais:
         """Give the middle of the hull, (2,) [m] [N], from where the antenna is."""
         towards = math.nan if face.report is None else _towards(face.report)
         bow, stern, port, starboard = target.size_m
-        if math.isnan(towards) or (
-            bow == 0.0 and port == 0.0
-        ):  # then the antenna's place is not told
+        if math.isnan(towards) or bow == port == 0.0:  # zeros: the antenna's place is not told
             return face.p_N
         ahead, right = 0.5 * (bow - stern), 0.5 * (starboard - port)
         c, s = math.cos(towards), math.sin(towards)
-        return face.p_N + np.array([c * ahead - s * right, s * ahead + c * right])
+        to_middle_N = np.array([c * ahead - s * right, s * ahead + c * right])
+        middle_N: Float64 = face.p_N + to_middle_N
+        return middle_N
 
     @property
     def _v_variance(self) -> float:

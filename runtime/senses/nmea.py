@@ -40,7 +40,7 @@ class NmeaLines:
         if len(self._rest) > LONGEST_BUFFER:
             self._rest = b""
             self.left_out += 1
-        sentences = []
+        sentences: list[str] = []
         for line in lines:
             if not line:
                 continue

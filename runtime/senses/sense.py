@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple, Protocol, TypeAlias
 
 from twinscrew.runtime.messages.types import HealthEvent, Odometry, Tracks
@@ -53,23 +52,22 @@ class Sense(Protocol):
         """Give everything that it knows by itself, for people; None if it keeps nothing."""
 
 
-@dataclass(slots=True)
 class Rarely:
     """Lets an event of a kind pass once in a while, so that a flood is no flood of events."""
 
-    every_s: float
-    limit: int = 1024
+    MOST_KINDS = 1024
 
-    def __post_init__(self) -> None:
-        """Begin with nothing reported."""
+    def __init__(self, every_s: float) -> None:
+        """Begin with nothing reported; a kind may pass again after `every_s` [s]."""
+        self._every_ns = every_s * 1e9
         self._last_ns: dict[str, int] = {}
 
     def allows(self, what: str, stamp_ns: int) -> bool:
         """Tell whether something may be reported now, and note that it was."""
         last_ns = self._last_ns.get(what)
-        if last_ns is not None and abs(stamp_ns - last_ns) < self.every_s * 1e9:
+        if last_ns is not None and abs(stamp_ns - last_ns) < self._every_ns:
             return False
-        if len(self._last_ns) >= self.limit:
+        if len(self._last_ns) >= self.MOST_KINDS:
             self._last_ns.clear()
         self._last_ns[what] = stamp_ns
         return True

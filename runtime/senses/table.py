@@ -47,6 +47,9 @@ if TYPE_CHECKING:
         """The sensors beside the LiDAR; one without a table is not there."""
 
         nmea: NmeaSettings = NmeaSettings()
+        ais: ais.AisSettings | None = None
+        radar: radar.RadarSettings | None = None
+        ttm: ttm.TtmSettings | None = None
 
 else:
     SensesSettings = msgspec.defstruct(

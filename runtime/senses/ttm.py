@@ -16,7 +16,7 @@ from msgspec import Meta
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.messages.marine import decode_sentence
 from twinscrew.runtime.messages.types import Tracks
-from twinscrew.runtime.senses.sense import NOTHING, Heard, OwnAt
+from twinscrew.runtime.senses.sense import NOTHING, Heard, OwnAt, Rarely
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
 from twinscrew.runtime.tracking.detections import Look, SourceSettings, positions
 
@@ -60,6 +60,7 @@ class Ttm:
         self._name = name
         self._waiting: dict[int, tuple[float, float]] = {}
         self._since_ns = 0
+        self._rarely = Rarely(10.0)
 
     def take(self, payload: bytes, latest_ns: int, own_at: OwnAt) -> Heard:
         """See `Sense`: a nmea_msgs/Sentence; other sentences than TTM are left alone."""
@@ -71,7 +72,12 @@ class Ttm:
         stamp_ns = sentence.stamp_ns or latest_ns
         heard = self._look(own_at) if self._is_due(stamp_ns) else NOTHING
         own = own_at(stamp_ns)
-        target = read_ttm(text[start:], 0.0 if own is None else own.heading)
+        try:
+            target = read_ttm(text[start:], 0.0 if own is None else own.heading)
+        except MessageError:
+            if self._rarely.allows("malformed", stamp_ns):
+                raise
+            return heard
         if target is None or own is None or target[0] > self._settings.largest_number:
             return heard
         if not self._waiting:

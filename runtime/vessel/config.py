@@ -13,6 +13,7 @@ from msgspec import Meta
 from msgspec.structs import replace
 
 from twinscrew.runtime.bus.zenoh import ZenohSettings
+from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.ground.report import GroundSettings
@@ -23,8 +24,10 @@ from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
 from twinscrew.runtime.policy.observation import ObservationSettings
 from twinscrew.runtime.policy.risk import RiskSettings
 from twinscrew.runtime.recording.settings import RecordingSettings
+from twinscrew.runtime.safety.alarms import AlarmSettings
 from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.safety.guard import ThrustLimits
+from twinscrew.runtime.senses.table import SensesSettings, fitted, sources_of, topics_of
 from twinscrew.runtime.settings import Settings, convert, read_toml
 from twinscrew.runtime.tracking.tracker import TrackerSettings
 from twinscrew.runtime.vessel.hull_settings import hull_settings
@@ -73,6 +76,8 @@ class RuntimeConfig(Settings, frozen=True):
     mission: MissionSettings = MissionSettings()
     perception: PerceptionSettings = PerceptionSettings()
     tracking: TrackerSettings = TrackerSettings()
+    senses: SensesSettings = SensesSettings()
+    alarms: AlarmSettings = AlarmSettings()
     observation: ObservationSettings = ObservationSettings()
     assurance: AssuranceSettings = AssuranceSettings()
     odometry: OdometryBufferSettings = OdometryBufferSettings()
@@ -94,14 +99,42 @@ class RuntimeConfig(Settings, frozen=True):
             raise ValueError(f"thrust.max_n must be in [0, {paddles.ahead_N:g}] N")
         if self.ground.vessels_hz > 0.0 and self.autopilot.datum is None:
             raise ValueError("ground.vessels_hz needs autopilot.datum: vessels lie on the earth")
+        if self.senses.ais is not None and datum_of(self) is None:
+            raise ValueError("senses.ais needs a datum: [senses.ais], [autopilot] or [estimation]")
+        if self.senses.nmea.connections and "nmea" not in topics_of(self.senses):
+            raise ValueError("senses.nmea.connections needs [senses.ais] or [senses.ttm]")
 
 
 def inputs_of(config: RuntimeConfig) -> tuple[str, ...]:
     """Give the topics that a runtime listens to."""
+    others = topics_of(config.senses)
     if config.odometry_source == "bus":
-        return ("points", "odometry", "goal", "route")
+        return ("points", "odometry", "goal", "route", *others)
     sensed = SENSED if config.odometry_source == "gps_imu" else ()
-    return ("points", "goal", "route", *sensed)
+    return ("points", "goal", "route", *sensed, *others)
+
+
+def datum_of(config: RuntimeConfig) -> Datum | None:
+    """Give the place of the local frame on the earth; None if nothing says it."""
+    ais = config.senses.ais
+    told = None if ais is None else ais.datum
+    return told or config.autopilot.datum or config.estimation.datum
+
+
+def senses_of(config: RuntimeConfig) -> SensesSettings:
+    """Give the sensors beside the LiDAR, with the datum of the vessel."""
+    ais = config.senses.ais
+    if ais is None:
+        return config.senses
+    return replace(config.senses, ais=replace(ais, datum=datum_of(config)))
+
+
+def tracking_of(config: RuntimeConfig) -> TrackerSettings:
+    """Give the tracker's settings, with what it must know of each sensor that is there."""
+    if not fitted(config.senses):
+        return config.tracking
+    sources = sources_of(config.senses, config.tracking.sources)
+    return replace(config.tracking, sources=sources)
 
 
 def sensor_of(config: RuntimeConfig) -> Sensor:

@@ -24,6 +24,7 @@ from twinscrew.runtime.messages.types import (
     Float64,
     HealthEvent,
     Odometry,
+    Tracks,
 )
 from twinscrew.runtime.messages.visual import Transform, vessel_transform
 from twinscrew.runtime.perception.sensor import Sensor
@@ -68,6 +69,8 @@ class Outputs:
     """The decision, if the message was a scan that could be used."""
     thrust: Float64 = field(default_factory=lambda: NEUTRAL)
     """[N] (2,) What `mavlink` asks of the propellers, left and right."""
+    targets: Tracks | None = None
+    """Vessels that report themselves, once a second."""
 
 
 class Publisher:
@@ -118,6 +121,8 @@ class Publisher:
             self._take(taken)
         if out.decision is not None:
             self._decide(out.decision, out.thrust, explanation)
+        if out.targets is not None and self.has_listeners:
+            self._put("ais_targets", cdr.encode_detections(out.targets))
         self.report(out.events)
 
     def report(self, events: Iterable[HealthEvent]) -> None:
@@ -186,6 +191,7 @@ class Publisher:
                 self._put("explanation", cdr.encode_explanation(explanation))
             self._put("objects", cdr.encode_object_markers(decision.objects))
             self._put("tracks", cdr.encode_track_markers(decision.tracks))
+            self._put("detections", cdr.encode_detections(decision.tracks))
             self.thrust(thrust)
 
     def _put(self, topic: str, payload: bytes) -> None:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Final, ParamSpec, TypeVar
@@ -21,7 +21,12 @@ from typing import Final, ParamSpec, TypeVar
 from twinscrew.runtime.bus.base import Inbox, Received
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import ConfigError, LinkError
-from twinscrew.runtime.link.transport import Transport, await_transport, reopening
+from twinscrew.runtime.link.transport import (
+    Transport,
+    await_transport,
+    open_transport,
+    reopening,
+)
 from twinscrew.runtime.messages.types import HealthEvent
 from twinscrew.runtime.recording.recorder import Recorder
 from twinscrew.runtime.safety.events import (
@@ -32,9 +37,11 @@ from twinscrew.runtime.safety.events import (
     MESSAGES_MISSING,
     OVERRUN,
     PRIORITY_REFUSED,
+    RECEIVER_DOWN,
     RECORDER,
     EventKind,
 )
+from twinscrew.runtime.senses.nmea import NmeaLines
 from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of, sensor_of
 from twinscrew.runtime.vessel.outputs import Publisher
 from twinscrew.runtime.vessel.process import Garbage, ServiceManager
@@ -61,6 +68,7 @@ class Loop:
         publisher: Publisher,
         *,
         rate_hz: float,
+        receivers: Sequence[Transport] = (),
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.latencies = Latencies()
@@ -80,6 +88,8 @@ class Loop:
         self._next_tick_s = math.inf
         self._link_is_down = False
         self._manager = ServiceManager()
+        self._receivers = [(receiver, NmeaLines()) for receiver in receivers]
+        self._silent_receivers: set[int] = set()
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Work until `stop` says so, then leave the propellers at rest."""
@@ -114,6 +124,7 @@ class Loop:
         now_s = self._clock()
         self._keep_time(now_s)
         self._read_autopilot(now_s)
+        self._read_receivers(now_s)
         out = self._vessel.tick(now_s)
         self._send(out.mavlink)
         self._publisher.publish(out)
@@ -152,6 +163,21 @@ class Loop:
 
     def _read_autopilot(self, now_s: float) -> None:
         self._publisher.publish(self._vessel.receive(self._receive(), now_s))
+
+    def _read_receivers(self, now_s: float) -> None:
+        """Read the lines that sentences of NMEA come by; one that breaks stops nothing."""
+        for place, (receiver, lines) in enumerate(self._receivers):
+            try:
+                data = receiver.receive()
+            except LinkError as error:
+                if place not in self._silent_receivers:
+                    self._silent_receivers.add(place)
+                    self._report(RECEIVER_DOWN, str(error))
+                continue
+            if data:
+                self._silent_receivers.discard(place)
+            for text in lines.feed(data):
+                self._publisher.publish(self._vessel.hear(text, now_s))
 
     def _keep_time(self, now_s: float) -> None:
         self._next_tick_s += self._period_s
@@ -247,7 +273,12 @@ def run_vessel(
         if folder is not None:
             recorder = stack.enter_context(open_recorder(folder, config, source, vessel))
         publisher = Publisher(bus, recorder, vessel=config.name, sensor=sensor_of(config))
-        loop = Loop(vessel, inbox, transport, publisher, rate_hz=config.command_rate_hz)
+        receivers = []
+        for line in config.senses.nmea.connections:
+            receivers.append(reopening(line, open_transport(line)))
+            stack.callback(receivers[-1].close)
+        rate_hz = config.command_rate_hz
+        loop = Loop(vessel, inbox, transport, publisher, rate_hz=rate_hz, receivers=receivers)
         if refused:
             publisher.report((PRIORITY_REFUSED.at(vessel.stamp_ns, "; ".join(refused)),))
         if approval:

@@ -21,9 +21,11 @@ from twinscrew.runtime.ground.service import GroundService
 from twinscrew.runtime.ground.stations import Stations
 from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotStatus
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.marine import Sentence
 from twinscrew.runtime.messages.navigation import as_read_back
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.types import (
+    NANOSECONDS_PER_SECOND,
     Decision,
     Engagement,
     Explanation,
@@ -113,10 +115,12 @@ class Vessel:
             "engagement": self._engagement,
             "gps": self._fix,
             "imu": self._imu,
+            **dict.fromkeys(pipeline.senses.by_topic, self._sensed),
         }
         self._fault = False
         self._has_looked = not looks_first
         self._inputs_too_old = False
+        self._targets_ns = 0
         self._held_until_s = self._now_s = -math.inf
         self._manoeuvre = ""
 
@@ -169,6 +173,17 @@ class Vessel:
                 if stamp_ns is not None:
                     aligned = replace(odometry, stamp_ns=stamp_ns)
                     self._own_odometry(aligned, out, now_s)
+        for age_s, text in self.link.take_ais():
+            if "nmea" in self._handlers:
+                stamp_ns = self.stamp_ns - round(age_s * NANOSECONDS_PER_SECOND)
+                self._own_sentence(text, stamp_ns, out, now_s)
+        return out
+
+    def hear(self, sentence: str, now_s: float) -> Outputs:
+        """Take in a sentence of NMEA 0183 that came by itself, not as a message."""
+        out = Outputs()
+        self._look(now_s)
+        self._own_sentence(sentence, self.stamp_ns, out, now_s)
         return out
 
     def tick(self, now_s: float) -> Outputs:
@@ -228,8 +243,8 @@ class Vessel:
         """Decode a message, once, and work on it; what that raises becomes an event."""
         topic = taken.topic
         out.messages.append(taken)
-        if topic in SENSED and self._estimator is None:
-            return
+        if topic not in self._handlers or (topic in SENSED and self._estimator is None):
+            return  # of a sensor that this vessel does not use
         try:
             self._handlers[topic](taken, out, now_s)
         except MessageError as error:
@@ -254,6 +269,9 @@ class Vessel:
         self.decision = out.decision = decision
         self._fault = fault is not None
         self._has_looked = self._has_looked or self.pipeline.knows_surroundings
+        if abs(cloud.stamp_ns - self._targets_ns) >= NANOSECONDS_PER_SECOND:
+            self._targets_ns = cloud.stamp_ns
+            out.targets = self.pipeline.senses.targets(cloud.stamp_ns)
         self._tell(out, now_s, *decision.events)
 
     def _odometry(self, taken: Taken, out: Outputs, now_s: float) -> None:
@@ -279,6 +297,10 @@ class Vessel:
             return
         self._take(Taken("odometry", payload, odometry, made_here=True), out, now_s)
 
+    def _own_sentence(self, text: str, stamp_ns: int, out: Outputs, now_s: float) -> None:
+        payload = cdr.encode_sentence(Sentence(stamp_ns=stamp_ns, text=text))
+        self._take(Taken("nmea", payload, made_here=True), out, now_s)
+
     def _fix(self, taken: Taken, out: Outputs, now_s: float) -> None:
         assert self._estimator is not None  # noqa: S101  (`_take` saw it)
         self._estimator.fix(cdr.decode_fix(taken.payload))
@@ -290,6 +312,11 @@ class Vessel:
         self._tell(out, now_s, *self._estimator.take_events())
         if odometry is not None:
             self._own_odometry(odometry, out, now_s)
+
+    def _sensed(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        inputs, payload = self.inputs, taken.payload
+        events = self.pipeline.senses.take(taken.topic, payload, inputs.latest_ns, inputs.at)
+        self._tell(out, now_s, *events)
 
     def _goal(self, taken: Taken, out: Outputs, now_s: float) -> None:
         goal = cdr.decode_goal(taken.payload)
