@@ -16,6 +16,7 @@ import numpy as np
 
 from twinscrew.hil_sim import random_scenario
 from twinscrew.hil_sim.random_scenario import Coordinate, RandomSettings
+from twinscrew.hil_sim.traffic import TrafficEntry
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Float64
@@ -53,6 +54,8 @@ class Scenario:
     """[s] A vessel under way longer than this has failed."""
     goal_radius: float
     """[m] A vessel whose origin is this near its goal has arrived."""
+    traffic: tuple[TrafficEntry, ...] = ()
+    """(T,) Scripted ships, which give way to nobody."""
 
     @property
     def vessels(self) -> int:
@@ -107,6 +110,7 @@ class ScenarioFile(Settings, frozen=True, kw_only=True):
     vessel: tuple[VesselEntry, ...] = ()
     buoy: tuple[BuoyEntry, ...] = ()
     quay: tuple[QuayEntry, ...] = ()
+    traffic: tuple[TrafficEntry, ...] = ()
 
 
 def load_scenario(
@@ -236,6 +240,7 @@ def _scenario(
         types=each,
         thrust_limits=limits,
         quays=_rows(quays, 6),
+        traffic=file.traffic,
         map_size=file.map_size_m,
         sea=file.sea,
         time_limit_s=file.time_limit_s,

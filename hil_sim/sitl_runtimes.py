@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.hil_sim.scenario import Scenario
+from twinscrew.hil_sim.sensors.marine import OWN_MMSI
 from twinscrew.hil_sim.sitl_settings import OdometrySource, SitlSettings
 from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.ground.report import GroundSettings
@@ -44,12 +45,24 @@ def runtime_config(
         mission={"goal_radius_m": scenario.goal_radius},
         perception=expecting(scenario.types),
         autopilot=_autopilot(settings, vessel),
+        senses=_senses(settings, vessel),
         ground=ALL_TOLD if settings.ground else GroundSettings(),
         recording={
             "folder": str(folder or ""),
             "about": {"scenario": scenario.name, "seed": str(settings.seed)},
         },
     )
+
+
+def _senses(settings: SitlSettings, vessel: int) -> dict[str, Any]:
+    """Give the sensors beside the LiDAR that are simulated."""
+    marine, found = settings.marine, {}
+    if marine.ais is not None:
+        own = OWN_MMSI + vessel if marine.ais.own_vessels else 0
+        found["ais"] = {"own_mmsi": own}
+    if marine.radar is not None:
+        found["radar"] = {}
+    return found
 
 
 def _autopilot(settings: SitlSettings, vessel: int) -> dict[str, Any]:

@@ -544,13 +544,13 @@ class Ais:
         report = face.report
         interval_s = 10.0 if report is None else report.interval_s
         identity = f"{mmsi:09d}" if place == 0 else f"{mmsi:09d} ({place + 1})"
-        radius = self._radius(target)
         return Named(
             identity=identity,
             name=f"{identity} {target.name}".strip(),
-            half_length_m=0.5 * (bow + stern) if known else radius,
-            half_beam_m=max(0.5 * (port + starboard), 0.5) if known else radius,
-            heading=math.nan if report is None or not known else _towards(report),
+            half_length_m=0.5 * (bow + stern) if known else math.nan,
+            half_beam_m=max(0.5 * (port + starboard), 0.5) if known else math.nan,
+            radius_m=self._radius(target),
+            heading=math.nan if report is None else _towards(report),
             until_ns=face.stamp_ns + round(5.0 * interval_s * NANOSECONDS_PER_SECOND),
         )
 

@@ -91,8 +91,8 @@ def take_named(
             track.existence = min(track.existence + ANOTHER_REPORT * (1.0 - track.existence), 0.999)
         track.named = report.named
         track.sources |= {look.source}
-        if math.isfinite(report.named.half_length_m) and not track.scans:
-            track.radius = math.hypot(report.named.half_length_m, report.named.half_beam_m)
+        if not track.scans:
+            track.radius = report.named.radius_m
 
 
 def only_named(track: Track, sources: frozenset[str]) -> bool:
@@ -126,6 +126,19 @@ def hand_over(tracks: Sequence[Track], sources: frozenset[str]) -> list[Track]:
     return [track for track in tracks if track not in gone] if gone else list(tracks)
 
 
+def pass_on_names(before: Sequence[Track], after: Sequence[Track]) -> None:
+    """Let what has absorbed a named track, as the nearest one that is left, take over its name."""
+    kept = {id(track) for track in after}
+    for gone in before:
+        if gone.named is None or id(gone) in kept:
+            continue
+        heirs = [t for t in after if t.confirmed and t.named is None and t.age_s == 0.0]
+        if heirs:
+            heir = min(heirs, key=lambda t: float(np.hypot(*(t.x[:2] - gone.x[:2]))))
+            heir.named, heir.sources = gone.named, heir.sources | gone.sources
+            heir.id, heir.key = gone.id, gone.key
+
+
 def is_believed(track: Track, stamp_ns: int) -> bool:
     """Tell whether a vessel's last report is young enough to be believed."""
     return track.named is not None and stamp_ns <= track.named.until_ns
@@ -134,11 +147,8 @@ def is_believed(track: Track, stamp_ns: int) -> bool:
 def outline_distance(p_N: Float64, centre_N: Float64, named: Named) -> float:
     """[m] Give the distance from a place to the outline of a vessel that lies at `centre_N`."""
     d = p_N - centre_N
-    if math.isnan(named.half_length_m):
-        return float(np.hypot(*d))
-    if math.isnan(named.heading):
-        radius = math.hypot(named.half_length_m, named.half_beam_m)
-        return max(float(np.hypot(*d)) - radius, 0.0)
+    if math.isnan(named.half_length_m) or math.isnan(named.heading):
+        return max(float(np.hypot(*d)) - named.radius_m, 0.0)
     c, s = math.cos(named.heading), math.sin(named.heading)
     ahead, abeam = abs(c * d[0] + s * d[1]), abs(c * d[1] - s * d[0])
     return math.hypot(max(ahead - named.half_length_m, 0.0), max(abeam - named.half_beam_m, 0.0))

@@ -67,7 +67,13 @@ from twinscrew.runtime.tracking.lidar_motion import (
     MeasuredVelocity,
     corrected,
 )
-from twinscrew.runtime.tracking.named import hand_over, is_believed, only_named, take_named
+from twinscrew.runtime.tracking.named import (
+    hand_over,
+    is_believed,
+    only_named,
+    pass_on_names,
+    take_named,
+)
 from twinscrew.runtime.tracking.track import (
     Clutter,
     ExistenceSettings,
@@ -554,6 +560,8 @@ class Tracker:
                 track.sources -= {LIDAR}
         alive = [track for track in self._tracks if self._is_alive(track)]
         self._tracks = [track for track in alive if not is_absorbed(track, alive, life)]
+        if len(self._tracks) < len(alive):
+            pass_on_names(alive, self._tracks)
 
     def _is_alive(self, track: Track) -> bool:
         if track.scans and lives(track, self.settings.life):
@@ -603,8 +611,7 @@ class Tracker:
 
 def _shows_whole(track: Track, named: Named) -> bool:
     """Tell whether a track is all of its vessel: the LiDAR may see a long ship in pieces."""
-    radius = math.hypot(named.half_length_m, named.half_beam_m)
-    return not track.scans or 0.6 * radius <= track.radius
+    return not track.scans or 0.6 * named.radius_m <= track.radius
 
 
 def _surely_within(track: Track, own_N: Float64, source: SourceSettings) -> bool:
