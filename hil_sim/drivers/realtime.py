@@ -28,12 +28,16 @@ from twinscrew.hil_sim.drivers.processes import (
 from twinscrew.runtime.bus.base import Received, Receiver
 from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.errors import LinkError, MessageError
-from twinscrew.runtime.link.ardupilot import events
 from twinscrew.runtime.link.ardupilot.thrust import PaddleSettings
 from twinscrew.runtime.link.transport import UdpTransport, open_transport
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, HealthEvent, Odometry, Severity
-from twinscrew.runtime.safety.events import AUTOPILOT_NOW, INPUT_RECOVERED
+from twinscrew.runtime.safety.events import (
+    AUTOPILOT_NOW,
+    AUTOPILOT_RECOVERED,
+    INPUT_RECOVERED,
+    OF_THE_AUTOPILOT,
+)
 from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
 
 
@@ -153,7 +157,7 @@ def simulated_fleet(
 class Troubles:
     """What ails a vessel now, from the health events that its runtime publishes."""
 
-    OVER = frozenset({events.AUTOPILOT_RECOVERED.name, INPUT_RECOVERED.name})
+    OVER = frozenset({AUTOPILOT_RECOVERED.name, INPUT_RECOVERED.name})
     """Events whose detail names what is over: a condition, or an input that was stale."""
     REMEMBERED = 500
     """[-] The last so many words are told once."""
@@ -380,7 +384,7 @@ class RealtimeCrew:
         with contextlib.suppress(MessageError):
             for event in cdr.decode_diagnostics(message.payload):
                 is_new = self._troubles[vessel].note(event)
-                if self._tell is not None and is_new and event.name in events.NAMES:
+                if self._tell is not None and is_new and event.name in OF_THE_AUTOPILOT:
                     self._tell(f"{self._configs[vessel].name}: {event.name}: {event.detail}")
 
     def _note(self, vessel: int, message: Received) -> None:
