@@ -11,10 +11,15 @@ from twinscrew.hil_sim.drivers.voyage import ODOMETRY_S, Voyage
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.world import World, make_world
 from twinscrew.runtime.errors import LinkError
-from twinscrew.runtime.link.ardupilot.events import ARMING_REFUSED, AUTOPILOT_RECOVERED
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, HealthEvent, Odometry
-from twinscrew.runtime.safety.events import AUTOPILOT_NOW, INPUT_RECOVERED, ODOMETRY_STALE
+from twinscrew.runtime.safety.events import (
+    ARMING_REFUSED,
+    AUTOPILOT_NOW,
+    AUTOPILOT_RECOVERED,
+    INPUT_RECOVERED,
+    ODOMETRY_STALE,
+)
 
 TWO_VESSELS = """
 sea = "calm"
