@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, ClassVar, Final
 
 import numpy as np
 from msgspec import Meta
@@ -43,8 +43,8 @@ from twinscrew.runtime.safety.events import (
     AIS_STALE,
     EventKind,
 )
-from twinscrew.runtime.senses.sense import NOTHING, Heard, OwnAt, Rarely
-from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings
+from twinscrew.runtime.senses.sense import NOTHING, Heard, OwnAt, Rarely, Sense, SenseSettings
+from twinscrew.runtime.settings import Count, NonNegative, Positive
 from twinscrew.runtime.tracking.detections import Look, SourceSettings
 from twinscrew.runtime.tracking.named import POSITION_ONLY, Report
 from twinscrew.runtime.tracking.track import Named
@@ -76,8 +76,15 @@ AID_RADIUS_M, BARE_RADIUS_M = 1.5, {CLASS_A: 15.0, CLASS_B: 5.0}
 """[m] Of what tells no dimensions."""
 
 
-class AisSettings(Settings, frozen=True, kw_only=True):
+SOURCE = SourceSettings(identifies=True, acceleration_psd=0.02, radius_m=5.0)
+"""What the tracker must know of AIS."""
+
+
+class AisSettings(SenseSettings, frozen=True, kw_only=True):
     """How AIS is read, and how far it is believed."""
+
+    topic: ClassVar[str] = "nmea"
+    source: ClassVar[SourceSettings] = SOURCE
 
     datum: Datum | None = None
     """Where the local frame lies on the earth; none: as [autopilot] or [estimation] says."""
@@ -108,9 +115,9 @@ class AisSettings(Settings, frozen=True, kw_only=True):
     most_per_s: Positive = 100.0
     """[1/s] Sentences that are read; a channel pair carries 75 slots a second."""
 
-
-SOURCE = SourceSettings(identifies=True, acceleration_psd=0.02, radius_m=5.0)
-"""What the tracker must know of AIS."""
+    def make(self, name: str) -> Sense:
+        """See `SenseSettings`."""
+        return Ais(self, name)
 
 
 @dataclass(slots=True, eq=False)

@@ -8,6 +8,7 @@ are vessels and which are sea is left to the tracker: its model of clutter learn
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +16,30 @@ from numpy.typing import NDArray
 from twinscrew.runtime.messages.marine import RadarScan, decode_radar_scan
 from twinscrew.runtime.messages.types import Float64, Tracks
 from twinscrew.runtime.safety.events import ODOMETRY_MISSING
-from twinscrew.runtime.senses.sense import NOTHING, Heard, OwnAt, Rarely
-from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings
+from twinscrew.runtime.senses.sense import NOTHING, Heard, OwnAt, Rarely, Sense, SenseSettings
+from twinscrew.runtime.settings import Count, NonNegative, Positive
 from twinscrew.runtime.tracking.detections import Look, SourceSettings, positions
 
+SOURCE = SourceSettings(
+    range_m=(0.0, 15.0, 30.0, 600.0, 1500.0),
+    detection=(0.0, 0.2, 0.85, 0.85, 0.3),
+    max_range_m=2000.0,
+    clutter=2e-6,
+    near_clutter=2e-5,
+    near_m=200.0,
+    clutter_memory_s=30.0,
+    visible=0.9,
+    visible_s=20.0,
+    radius_m=4.0,
+)
+"""What such a radar detects of vessels of 5 to 30 m, and what it sees of the sea."""
 
-class RadarSettings(Settings, frozen=True, kw_only=True):
+
+class RadarSettings(SenseSettings, frozen=True, kw_only=True):
     """How a radar measures. The defaults are those of a small pulse-compression radar."""
+
+    topic: ClassVar[str] = "radar"
+    source: ClassVar[SourceSettings] = SOURCE
 
     range_sigma_m: Positive = 2.0
     """[m] Standard deviation of a plot's range: a third of a range cell of 6 m."""
@@ -42,20 +60,9 @@ class RadarSettings(Settings, frozen=True, kw_only=True):
     most_plots: Count = 300
     """[-] Of one turn; the strongest are kept."""
 
-
-SOURCE = SourceSettings(
-    range_m=(0.0, 15.0, 30.0, 600.0, 1500.0),
-    detection=(0.0, 0.2, 0.85, 0.85, 0.3),
-    max_range_m=2000.0,
-    clutter=2e-6,
-    near_clutter=2e-5,
-    near_m=200.0,
-    clutter_memory_s=30.0,
-    visible=0.9,
-    visible_s=20.0,
-    radius_m=4.0,
-)
-"""What such a radar detects of vessels of 5 to 30 m, and what it sees of the sea."""
+    def make(self, name: str) -> Sense:
+        """See `SenseSettings`."""
+        return Radar(self, name)
 
 
 class Radar:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol, TypeAlias
+from typing import ClassVar, NamedTuple, Protocol, TypeAlias
 
 from twinscrew.runtime.messages.types import HealthEvent, Odometry, Tracks
-from twinscrew.runtime.tracking.detections import Look
+from twinscrew.runtime.settings import Settings
+from twinscrew.runtime.tracking.detections import Look, SourceSettings
 
 OwnAt: TypeAlias = Callable[[int], Odometry | None]
 """Gives the own vessel's state at a stamp [ns]; None if that is not known."""
@@ -50,6 +51,19 @@ class Sense(Protocol):
 
     def targets(self, stamp_ns: int) -> Tracks | None:
         """Give everything that it knows by itself, for people; None if it keeps nothing."""
+
+
+class SenseSettings(Settings, frozen=True, kw_only=True):
+    """The settings of a sensor beside the LiDAR, and what belongs to its kind."""
+
+    topic: ClassVar[str]
+    """The topic that its messages come by."""
+    source: ClassVar[SourceSettings]
+    """What the tracker must know of it."""
+
+    def make(self, name: str) -> Sense:
+        """Make the sensor; `name` is its source's."""
+        raise NotImplementedError
 
 
 class Rarely:

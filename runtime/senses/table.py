@@ -1,93 +1,55 @@
 """The one table of sensors beside the LiDAR: a new one is a file, its settings, and a line here.
 
-A line names the source, the topic that its messages come by (`messages.topics`), its settings in
-the configuration's table [senses.NAME], what makes a `Sense` of them, and what the tracker must
-know of it ([tracking.sources.NAME] overrides that).
+A line names the source and the settings of its table [senses.NAME]. These say by which topic its
+messages come (`messages.topics`), what makes a `Sense` of them, and what the tracker must know of
+the source; [tracking.sources.NAME] overrides that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Mapping
 
 import msgspec
 
-from twinscrew.runtime.senses import ais, radar, ttm
+from twinscrew.runtime.senses.ais import AisSettings
 from twinscrew.runtime.senses.nmea import NmeaSettings
-from twinscrew.runtime.senses.sense import Sense
+from twinscrew.runtime.senses.radar import RadarSettings
+from twinscrew.runtime.senses.sense import Sense, SenseSettings
+from twinscrew.runtime.senses.ttm import TtmSettings
 from twinscrew.runtime.settings import Settings
 from twinscrew.runtime.tracking.detections import SourceSettings
 
 
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """One line of the table."""
+class SensesSettings(Settings, frozen=True, kw_only=True):
+    """The sensors beside the LiDAR. One is there if its table is, which may be empty."""
 
-    topic: str
-    settings: type[Settings]
-    make: Callable[[Any], Sense]
-    source: SourceSettings
-
-
-SENSES: Final[Mapping[str, Kind]] = MappingProxyType(
-    {
-        "ais": Kind("nmea", ais.AisSettings, ais.Ais, ais.SOURCE),
-        "radar": Kind("radar", radar.RadarSettings, radar.Radar, radar.SOURCE),
-        "ttm": Kind("nmea", ttm.TtmSettings, ttm.Ttm, ttm.SOURCE),
-    }
-)
-"""Every kind of sensor, by the name of its source."""
+    nmea: NmeaSettings = NmeaSettings()
+    ais: AisSettings | None = None
+    radar: RadarSettings | None = None
+    ttm: TtmSettings | None = None
 
 
-if TYPE_CHECKING:
-
-    class SensesSettings(Settings, frozen=True, kw_only=True):
-        """The sensors beside the LiDAR; one without a table is not there."""
-
-        nmea: NmeaSettings = NmeaSettings()
-        ais: ais.AisSettings | None = None
-        radar: radar.RadarSettings | None = None
-        ttm: ttm.TtmSettings | None = None
-
-else:
-    SensesSettings = msgspec.defstruct(
-        "SensesSettings",
-        [
-            ("nmea", NmeaSettings, NmeaSettings()),
-            *((name, kind.settings | None, None) for name, kind in SENSES.items()),
-        ],
-        bases=(Settings,),
-        frozen=True,
-        kw_only=True,
-        forbid_unknown_fields=True,
-        module=__name__,
-    )
-
-
-def fitted(settings: SensesSettings) -> dict[str, Settings]:
-    """Give the settings of each sensor that is there, by name."""
-    found = {name: getattr(settings, name) for name in SENSES}
-    return {name: each for name, each in found.items() if each is not None}
+def fitted(settings: SensesSettings) -> dict[str, SenseSettings]:
+    """Give the settings of each sensor that is there, by name, in the order of the table."""
+    values = {f.name: getattr(settings, f.name) for f in msgspec.structs.fields(settings)}
+    return {name: value for name, value in values.items() if isinstance(value, SenseSettings)}
 
 
 def topics_of(settings: SensesSettings) -> tuple[str, ...]:
-    """Give the topics that the sensors listen to, each once, in the order of the table."""
-    return tuple(dict.fromkeys(SENSES[name].topic for name in fitted(settings)))
+    """Give the topics that the sensors listen to, each once."""
+    return tuple(dict.fromkeys(each.topic for each in fitted(settings).values()))
 
 
 def sources_of(
     settings: SensesSettings, given: Mapping[str, SourceSettings]
 ) -> dict[str, SourceSettings]:
     """Give what the tracker must know of each source; what is given wins."""
-    return {name: SENSES[name].source for name in fitted(settings)} | dict(given)
+    return {name: each.source for name, each in fitted(settings).items()} | dict(given)
 
 
 def make_senses(settings: SensesSettings) -> dict[str, tuple[Sense, ...]]:
     """Make every sensor that is there, by topic."""
     made: dict[str, tuple[Sense, ...]] = {}
     for name, each in fitted(settings).items():
-        kind = SENSES[name]
-        made[kind.topic] = (*made.get(kind.topic, ()), kind.make(each))
+        made[each.topic] = (*made.get(each.topic, ()), each.make(name))
     return made

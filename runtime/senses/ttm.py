@@ -8,7 +8,7 @@ plots, whose errors last as long as its filter remembers; its own velocities are
 from __future__ import annotations
 
 import math
-from typing import Annotated, Final
+from typing import Annotated, ClassVar, Final
 
 import numpy as np
 from msgspec import Meta
@@ -16,26 +16,13 @@ from msgspec import Meta
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.messages.marine import decode_sentence
 from twinscrew.runtime.messages.types import Tracks
-from twinscrew.runtime.senses.sense import NOTHING, Heard, OwnAt, Rarely
-from twinscrew.runtime.settings import NonNegative, Positive, Settings
+from twinscrew.runtime.senses.sense import NOTHING, Heard, OwnAt, Rarely, Sense, SenseSettings
+from twinscrew.runtime.settings import NonNegative, Positive
 from twinscrew.runtime.tracking.detections import Look, SourceSettings, positions
 
 UNITS_M: Final = {"N": 1852.0, "K": 1000.0, "S": 1609.344}
 FIELDS: Final = 16
 """[-] Of a sentence with all of its fields; older radars leave out the last one or two."""
-
-
-class TtmSettings(Settings, frozen=True, kw_only=True):
-    """How well a radar's own tracker measures."""
-
-    range_sigma_m: Positive = 10.0
-    """[m] Standard deviation of a range."""
-    bearing_sigma_rad: Positive = 0.02
-    """[rad] Standard deviation of a bearing."""
-    gather_s: NonNegative = 0.3
-    """[s] Targets that come within so long are one look: a radar sends them in a row."""
-    largest_number: Annotated[int, Meta(ge=1, le=999)] = 99
-    """[-] Of a target; a sentence with a greater one is not used."""
 
 
 SOURCE = SourceSettings(
@@ -50,6 +37,26 @@ SOURCE = SourceSettings(
     radius_m=8.0,
 )
 """What a ship's radar follows: seldom anything small, hardly ever anything that is not there."""
+
+
+class TtmSettings(SenseSettings, frozen=True, kw_only=True):
+    """How well a radar's own tracker measures."""
+
+    topic: ClassVar[str] = "nmea"
+    source: ClassVar[SourceSettings] = SOURCE
+
+    range_sigma_m: Positive = 10.0
+    """[m] Standard deviation of a range."""
+    bearing_sigma_rad: Positive = 0.02
+    """[rad] Standard deviation of a bearing."""
+    gather_s: NonNegative = 0.3
+    """[s] Targets that come within so long are one look: a radar sends them in a row."""
+    largest_number: Annotated[int, Meta(ge=1, le=999)] = 99
+    """[-] Of a target; a sentence with a greater one is not used."""
+
+    def make(self, name: str) -> Sense:
+        """See `SenseSettings`."""
+        return Ttm(self, name)
 
 
 class Ttm:

@@ -100,7 +100,7 @@ def only_named(track: Track, sources: frozenset[str]) -> bool:
     return track.named is not None and not track.scans and track.sources <= sources
 
 
-def hand_over(tracks: Sequence[Track], sources: frozenset[str]) -> list[Track]:
+def hand_over(tracks: Sequence[Track], sources: frozenset[str], bank: FilterBank) -> list[Track]:
     """Give the tracks without those of reports whose vessel the LiDAR follows now.
 
     The LiDAR's track takes over name and identity.
@@ -116,6 +116,7 @@ def hand_over(tracks: Sequence[Track], sources: frozenset[str]) -> list[Track]:
         if not fits:
             continue
         nearest = min(fits, key=lambda t: float(np.hypot(*(t.x[:2] - track.x[:2]))))
+        _learn_velocity(nearest, report, bank)
         nearest.named = track.named
         nearest.sources |= track.sources
         nearest.existence = max(nearest.existence, track.existence)
@@ -196,6 +197,7 @@ def _correct(
 ) -> None:
     """Take in a report, unless the LiDAR knows better; one from far off starts the state afresh."""
     if track.scans and track.age_s < SHARP_S:
+        _learn_velocity(track, report, bank)
         return
     track.age_s = 0.0
     track.detections += 1
@@ -208,6 +210,21 @@ def _correct(
     if report.v_N is not None:
         noise = report.v_sigma_mps**2 * np.eye(2)
         x, P = bank.update(x, P, report.v_N[None], VELOCITY_ONLY[None], noise[None])
+    track.x, track.P = x[0], P[0]
+
+
+def _learn_velocity(track: Track, report: Report, bank: FilterBank) -> None:
+    """Let a track of the LiDAR take the velocity that its ship tells.
+
+    The LiDAR knows best where the surface is. How a long ship moves of which a part comes into
+    sight it does not: that part grows.
+    """
+    if report.v_N is None:
+        return
+    noise = (report.v_sigma_mps**2) * np.eye(2)
+    x, P = bank.update(
+        track.x[None], track.P[None], report.v_N[None], VELOCITY_ONLY[None], noise[None]
+    )
     track.x, track.P = x[0], P[0]
 
 

@@ -94,6 +94,8 @@ SEGMENTED = SourceSettings(
     range_m=(0.0, 17.0, 20.0), detection=(0.97, 0.97, 0.0), max_range_m=20.0, visible=0.99
 )
 """The boat's LiDAR, for the existence of tracks that other sources see too (perception: 20 m)."""
+UNSEEN = 0.8
+"""[-] What a scan leaves of the existence of a vessel that it should show, and does not."""
 KEPT_IDENTITIES = 4096
 """Identities remembered for tracks that may be started again."""
 
@@ -361,7 +363,7 @@ class Tracker:
         self._update(x, P, self._centroids.measure(whole, own, at_rest), own, number)
         self._drop()
         if self._identifying:
-            self._tracks = hand_over(self._tracks, self._identifying)
+            self._tracks = hand_over(self._tracks, self._identifying, self._bank)
 
     def _predict(self, dt: float, own_N: Float64) -> tuple[Float64, Float64]:
         """Move every track on; give all states and covariances, (K, 6) and (K, 6, 6)."""
@@ -458,11 +460,12 @@ class Tracker:
         source = self._source(LIDAR)
         look = no_detections(LIDAR, own.p_N, own.heading)
         chance = chances(self._tracks, look, source, self.settings.existence)
-        for k, track in enumerate(self._tracks):
-            if only_named(track, self._identifying) and not _surely_within(track, own.p_N, source):
-                chance[k] = 0.0
         seen = {i for i, _, _ in found.pairs}
         for k, track in enumerate(self._tracks):
+            if only_named(track, self._identifying):
+                if _surely_within(track, own.p_N, source):
+                    track.existence *= UNSEEN  # a vessel that is there is seen
+                continue
             missed(track, LIDAR, source, float(chance[k]), float(k in seen))
 
     def _correct(
