@@ -14,7 +14,7 @@ from twinscrew.runtime.link.transport import Transport, UdpTransport
 from twinscrew.runtime.messages.types import Odometry
 
 SENSORS = ("points", "odometry", "gps", "imu")
-TOPICS = (*SENSORS, "goal")
+TOPICS = (*SENSORS, "nmea", "radar", "goal")
 
 
 class Berth:
