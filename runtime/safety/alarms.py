@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from twinscrew.runtime.geometry import rotation_from_quaternion
 from twinscrew.runtime.messages.types import (
@@ -25,6 +26,10 @@ from twinscrew.runtime.messages.types import (
 from twinscrew.runtime.safety.events import COLLISION_COURSE, COLLISION_COURSE_OVER
 from twinscrew.runtime.settings import Fraction, NonNegative, Positive, Settings
 from twinscrew.runtime.vessel_description import load_vessel
+
+
+PART_M = 5.0
+"""[m] What is so near a ship's outline is a part of it: positions by satellite are no better."""
 
 
 class AlarmSettings(Settings, frozen=True, kw_only=True):
@@ -131,6 +136,7 @@ class Alarms:
         )
         near = (found.time_s <= settings.tcpa_s) & (found.probability >= settings.probability)
         near &= found.speed_mps >= settings.least_mps
+        near &= ~_parts(tracks)
         clear = ~np.isfinite(found.time_s)
         clear |= (found.miss_m > settings.clear * settings.cpa_m) & (found.probability < 0.3)
         events: list[HealthEvent] = []
@@ -172,6 +178,19 @@ class Alarms:
             del self._since_ns[gone]
         for gone in [track for track in self._announced if track not in there]:
             del self._announced[gone]
+
+
+def _parts(tracks: Tracks) -> NDArray[np.bool_]:
+    """Tell which tracks, (K,), lie on the outline of another that has a name: it is announced."""
+    parts = np.zeros(len(tracks.id), np.bool_)
+    if tracks.name is None or tracks.half_length is None or tracks.half_beam is None:
+        return parts
+    unnamed = np.array([not name for name in tracks.name], np.bool_)
+    for k in np.flatnonzero(~unnamed & np.isfinite(tracks.half_length)).tolist():
+        reach = math.hypot(tracks.half_length[k], tracks.half_beam[k]) + PART_M
+        d = tracks.p_N - tracks.p_N[k]
+        parts |= unnamed & (np.hypot(d[:, 0], d[:, 1]) <= reach)
+    return parts
 
 
 def _who(tracks: Tracks, k: int) -> str:

@@ -14,6 +14,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 
 from twinscrew.runtime import _native
 from twinscrew.runtime._native import Law
@@ -146,19 +147,21 @@ def surroundings(
     reach_m : float
         How far the edge of the vessel, with its margin, can get within the horizon [m].
     horizon_s : (float, float)
-        How far ahead the motion of what stands still, and of what moves, is trusted [s].
+        How far ahead the motion of what stands still, and of what moves, is trusted [s]. A ship
+        that tells where it goes is trusted for as long as what stands still.
     least_radius_m, clearance_m : float
         No object is taken to be smaller; every object is taken to be this much larger [m].
     static_mps : float
         Slower tracks stand still [m/s].
     """
+    told = _told(tracks)
     tracks = in_circles(tracks)
     speed = np.hypot(tracks.v_N[:, 0], tracks.v_N[:, 1])
     speed = np.where(speed < static_mps, 0.0, speed)
     offset_N = tracks.p_N - odometry.position_N[:2]
     radius = np.maximum(tracks.radius, least_radius_m) + clearance_m
     gap = np.hypot(offset_N[:, 0], offset_N[:, 1]) - radius - reach_m
-    horizon = np.where(speed > 0.0, horizon_s[1], horizon_s[0])
+    horizon = np.where((speed > 0.0) & ~np.isin(tracks.id, told), horizon_s[1], horizon_s[0])
     near = np.flatnonzero(gap < speed * horizon)
     R_NL = rotation_2d(odometry.heading)
     return Circles(
@@ -168,6 +171,13 @@ def surroundings(
         radius=radius[near],
         horizon_s=horizon[near],
     )
+
+
+def _told(tracks: Tracks) -> NDArray[np.int64]:
+    """Give the identities of the ships that report themselves."""
+    if tracks.name is None:
+        return np.zeros(0, np.int64)
+    return tracks.id[[bool(name) for name in tracks.name]]
 
 
 MOST_CIRCLES = 8

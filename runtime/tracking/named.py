@@ -34,6 +34,8 @@ at most: what the LiDAR has not seen where it should have is not believed at onc
 SLACK_M, SLACK_MPS = 3.0, 0.5
 """[m], [m/s] How far sensors may disagree about one ship beyond what they say of themselves: they
 see different parts of it, at slightly different times."""
+WHOLE = 0.6
+"""[-] A track of the LiDAR whose radius is a smaller share of the ship's is a part of it."""
 APART_SIGMA = 3.0
 """[-] Tracks that differ by more than this are two vessels."""
 
@@ -103,7 +105,8 @@ def only_named(track: Track, sources: frozenset[str]) -> bool:
 def hand_over(tracks: Sequence[Track], sources: frozenset[str], bank: FilterBank) -> list[Track]:
     """Give the tracks without those of reports whose vessel the LiDAR follows now.
 
-    The LiDAR's track takes over name and identity.
+    The LiDAR's track takes over name and identity. A track that is much smaller than the ship is a
+    part of it: it takes the ship's velocity, and the ship stays a track of its own.
     """
     gone: list[Track] = []
     seen = [t for t in tracks if t.scans and t.confirmed and t.named is None]
@@ -113,10 +116,14 @@ def hand_over(tracks: Sequence[Track], sources: frozenset[str], bank: FilterBank
         assert track.named is not None  # noqa: S101  (`only_named`)
         report = Report(track.named, track.x[2:4], math.sqrt(track.P[2, 2]))
         fits = [t for t in seen if _agree(t, report, track.x[:2], track.P[:2, :2])]
+        for part in fits:
+            if not sources & part.sources:  # once: a part that comes into sight grows
+                _learn_velocity(part, report, bank)
+                part.sources |= track.sources
+        fits = [t for t in fits if t.radius >= WHOLE * track.named.radius_m]
         if not fits:
             continue
         nearest = min(fits, key=lambda t: float(np.hypot(*(t.x[:2] - track.x[:2]))))
-        _learn_velocity(nearest, report, bank)
         nearest.named = track.named
         nearest.sources |= track.sources
         nearest.existence = max(nearest.existence, track.existence)
@@ -138,6 +145,17 @@ def pass_on_names(before: Sequence[Track], after: Sequence[Track]) -> None:
             heir = min(heirs, key=lambda t: float(np.hypot(*(t.x[:2] - gone.x[:2]))))
             heir.named, heir.sources = gone.named, heir.sources | gone.sources
             heir.id, heir.key = gone.id, gone.key
+
+
+def is_seen_in_part(track: Track, tracks: Sequence[Track]) -> bool:
+    """Tell whether the LiDAR sees something where a reported vessel lies."""
+    assert track.named is not None  # noqa: S101  (asked of reported vessels only)
+    limit = APART_SIGMA * math.hypot(sigma_m(track.P), SLACK_M)
+    return any(
+        outline_distance(other.x[:2], track.x[:2], track.named) <= limit
+        for other in tracks
+        if other.scans and other.age_s == 0.0
+    )
 
 
 def is_believed(track: Track, stamp_ns: int) -> bool:
@@ -179,7 +197,10 @@ def _unnamed(tracks: Sequence[Track], report: Report, z: Float64, R: Float64) ->
     fits = [
         track
         for track in tracks
-        if track.confirmed and track.named is None and _agree(track, report, z, R)
+        if track.confirmed
+        and track.named is None
+        and _agree(track, report, z, R)
+        and (not track.scans or track.radius >= WHOLE * report.named.radius_m)
     ]
     if not fits:
         return None

@@ -68,8 +68,10 @@ from twinscrew.runtime.tracking.lidar_motion import (
     corrected,
 )
 from twinscrew.runtime.tracking.named import (
+    WHOLE,
     hand_over,
     is_believed,
+    is_seen_in_part,
     only_named,
     pass_on_names,
     take_named,
@@ -463,7 +465,9 @@ class Tracker:
         seen = {i for i, _, _ in found.pairs}
         for k, track in enumerate(self._tracks):
             if only_named(track, self._identifying):
-                if _surely_within(track, own.p_N, source):
+                if _surely_within(track, own.p_N, source) and not is_seen_in_part(
+                    track, self._tracks
+                ):
                     track.existence *= UNSEEN  # a vessel that is there is seen
                 continue
             missed(track, LIDAR, source, float(chance[k]), float(k in seen))
@@ -614,7 +618,7 @@ class Tracker:
 
 def _shows_whole(track: Track, named: Named) -> bool:
     """Tell whether a track is all of its vessel: the LiDAR may see a long ship in pieces."""
-    return not track.scans or 0.6 * named.radius_m <= track.radius
+    return not track.scans or WHOLE * named.radius_m <= track.radius
 
 
 def _surely_within(track: Track, own_N: Float64, source: SourceSettings) -> bool:

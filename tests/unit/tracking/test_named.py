@@ -22,10 +22,10 @@ RADAR = SourceSettings(range_m=(0.0, 400.0), detection=(0.9, 0.9), clutter=1e-6)
 SECOND = 10 * scene.SCAN
 
 
-def named(stamp_ns, identity="257123450", half_length=10.0, heading=math.pi / 2):
-    radius = math.hypot(half_length, 3.0)
+def named(stamp_ns, identity="257123450", half_length=10.0, heading=math.pi / 2, half_beam=3.0):
+    radius = math.hypot(half_length, half_beam)
     until_ns = stamp_ns + 50 * SECOND
-    return Named(identity, f"{identity} NORDLYS", half_length, 3.0, radius, heading, until_ns)
+    return Named(identity, f"{identity} NORDLYS", half_length, half_beam, radius, heading, until_ns)
 
 
 def report(p_N, v_N, stamp_ns, **more):
@@ -41,7 +41,7 @@ def report(p_N, v_N, stamp_ns, **more):
 
 
 def passage(
-    tracker, seconds, *, lidar=True, radar=False, ais_s=10, offset=(0.0, 0.0), begin=-120.0
+    tracker, seconds, *, lidar=True, radar=False, ais_s=10, offset=(0.0, 0.0), begin=-120.0, **ship
 ):
     """A ship passes at 4 m/s, 10 m north of the boat; give the tracks of every scan."""
     rng, answers = np.random.default_rng(1), []
@@ -49,7 +49,7 @@ def passage(
         here, p_N = scene.odometry(k * scene.SCAN), np.array([[10.0, begin + 0.4 * k]])
         if ais_s and k % (10 * ais_s) == 0:
             told = p_N[0] + offset + rng.normal(0.0, 3.0, 2)
-            tracker.take(report(told, (0.0, 4.0), here.stamp_ns))
+            tracker.take(report(told, (0.0, 4.0), here.stamp_ns, **ship))
         if radar and k % 25 == 0:
             seen = p_N + rng.normal(0.0, 1.5, (1, 2))
             look = positions(
@@ -66,13 +66,18 @@ def passage(
     return answers
 
 
+BOAT = {"half_length": 1.2, "half_beam": 0.6}
+"""A vessel as small as the LiDAR's objects are."""
+
+
 def make(**sources):
     return Tracker(TrackerSettings(sources=sources))
 
 
 @pytest.mark.parametrize("radar", [False, True])
 def test_one_ship_is_one_track_from_first_report_to_last(radar):
-    answers = passage(make(ais=AIS, **({"radar": RADAR} if radar else {})), 60, radar=radar)
+    sources = {"ais": AIS, "radar": RADAR} if radar else {"ais": AIS}
+    answers = passage(make(**sources), 60, radar=radar, **BOAT)
     assert {tuple(tracks.id.tolist()) for tracks in answers[30:]} == {(0,)}
     assert all(tracks.name == ("257123450 NORDLYS",) for tracks in answers)
     for k, tracks in enumerate(answers[100:]):
@@ -83,7 +88,7 @@ def test_one_ship_is_one_track_from_first_report_to_last(radar):
 
 def test_a_track_of_the_radar_takes_the_name_when_the_ship_reports_itself():
     tracker = make(ais=AIS, radar=RADAR)
-    before = passage(tracker, 30, radar=True, ais_s=0)
+    before = passage(tracker, 30, radar=True, ais_s=0, lidar=False)
     assert before[-1].id.tolist() == [0]
     assert before[-1].name is None
     stamp_ns = 300 * scene.SCAN
@@ -97,12 +102,22 @@ def test_a_track_of_the_radar_takes_the_name_when_the_ship_reports_itself():
 
 def test_the_outline_is_told_where_the_whole_ship_is_known():
     answers = passage(make(ais=AIS), 30)
-    far, near = answers[100], answers[-1]
+    far = answers[100]
     assert (far.half_length, far.half_beam) == ([10.0], [3.0])
     assert far.heading[0] == pytest.approx(math.pi / 2)
     assert far.radius[0] == pytest.approx(math.hypot(10.0, 3.0))
-    assert math.isnan(near.half_length[0])  # the LiDAR's object is smaller: a part of the ship
-    assert near.radius[0] < 3.0
+
+
+def test_what_the_lidar_sees_of_a_long_ship_is_a_part_that_moves_as_the_ship_does():
+    answers = passage(make(ais=AIS), 40)
+    near = [tracks for tracks in answers if len(tracks.id) == 2]
+    assert len(near) > 50
+    for tracks in near:
+        assert tracks.id[0] == 0
+        assert tracks.name == ("257123450 NORDLYS", "")
+        assert tracks.half_length[0] == 10.0
+        assert math.isnan(tracks.half_length[1])
+        assert abs(tracks.v_N[1, 1] - 4.0) < 0.5
 
 
 def test_the_lidars_tracks_are_the_same_to_the_last_bit_whatever_ais_says_elsewhere():
