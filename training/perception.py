@@ -53,6 +53,9 @@ class Layout(NamedTuple):
         return (*paper, k * OUTLINE_COLUMNS, len(HULL_COLUMNS)) if self.extended else paper
 
 
+PAPER = Layout(OBSERVED_OBJECTS, extended=False)
+
+
 @lru_cache(maxsize=32)
 def layout_of(width: int) -> Layout:
     """Give the layout of rows by their width: no two layouts have the same."""

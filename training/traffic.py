@@ -1,9 +1,9 @@
 """Sail given episodes: those of an experiment, or one own vessel among scripted others.
 
 Scripted vessels are rectangles that hold course and speed (`twinscrew evaluate --traffic`). The own
-vessel sees each as the circle around its rectangle, radius 0.5 sqrt(length^2 + beam^2): the same
-rule that makes a WAM-V of 5.0 m x 2.5 m the circle of 2.795 m that policies were trained on; noise
-and range are the training environment's. Contact is judged between rectangles, the own one of the
+vessel sees each as that rectangle, if its policy takes outlines; else as the circle around it, radius
+0.5 sqrt(length^2 + beam^2): the same rule that makes a WAM-V of 5.0 m x 2.5 m the circle of 2.795 m.
+Noise is the training environment's; the range of sight is the policy's. Contact is judged between rectangles, the own one of the
 vessel's length and width, after every sub-step, and counts for the own vessel alone.
 """
 
@@ -22,7 +22,7 @@ from twinscrew.runtime.errors import NOT_THE_FORMAT, ConfigError
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import Positive, Settings, convert
 from twinscrew.training.environment import RATE_LIMIT, EnvironmentSettings, VectorEnv
-from twinscrew.training.evaluate import BatchPolicy, Evaluation, sail, score
+from twinscrew.training.evaluate import BatchPolicy, Evaluation, sail, score, shown_to
 from twinscrew.training.perception import Observations
 from twinscrew.training.scenarios import Mask, Points, ScenarioSettings
 
@@ -97,7 +97,7 @@ def evaluate_given(
 ) -> Evaluation:
     """Sail given episodes with one policy on every vessel; `seed` is of the noise."""
     settings = environment or EnvironmentSettings()
-    settings = msgspec.structs.replace(settings, period_s=policy.period_s)
+    settings = shown_to(policy, settings)
     return score(sail(GivenEnv(given, settings, seed), policy), seed)
 
 
@@ -203,6 +203,8 @@ class TrafficEnv(GivenEnv):
         state = self.state
         state.scripted[:], state.scripted_velocity[:] = self._start, self._velocity
         state.scripted_radius[:] = np.hypot(self._half[..., 0], self._half[..., 1])
+        state.scripted_half[:], state.scripted_heading[:] = self._half, self._course
+        state.scripted_outlined[:] = self.settings.extended
         return super().reset()
 
     def touched(self) -> tuple[Mask, Mask]:
@@ -285,7 +287,7 @@ def evaluate_traffic(
 ) -> dict[str, Any]:
     """Sail the episodes of a traffic file, the policy on the own vessel; give plain values."""
     settings = environment or EnvironmentSettings()
-    settings = msgspec.structs.replace(settings, period_s=policy.period_s)
+    settings = msgspec.structs.replace(shown_to(policy, settings), range_m=policy.range_m)
     env = TrafficEnv(traffic, settings, seed)
     seen, active = env.reset(), env.active
     policy.begin(*active.shape)

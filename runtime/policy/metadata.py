@@ -25,6 +25,7 @@ INPUT_SHAPES: dict[str, tuple[int, ...]] = {
 }
 """Inputs of a policy's graph, float32, without the batch dimension; `risk` may be missing."""
 OPTIONAL_INPUTS = ("risk",)
+EXTENDED_INPUTS = ("outlines", "hull")
 OUTPUT_NAME = "thrust_rate"
 OUTPUT_SHAPE = (2,)
 
