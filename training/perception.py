@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from scipy.stats import norm, vonmises
 
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS, Float32, Float64
-from twinscrew.runtime.settings import Fraction, NonNegative, Settings
 from twinscrew.runtime.policy.hull_units import HULL_COLUMNS
+from twinscrew.runtime.settings import Fraction, NonNegative, Settings
 from twinscrew.training.imperfections import Imperfections
 from twinscrew.training.physics import State, rectangle_gap
 from twinscrew.training.scenarios import Index, Mask, Points
@@ -39,7 +39,8 @@ _PROBABILITY = (np.arange(QUANTILES) + 0.5) / QUANTILES
 
 class Layout(NamedTuple):
     """How an observation of K objects lies in a row: ego, objects, mask; then, if it is extended,
-    the objects' outlines and the own hull's description."""
+    the objects' outlines and the own hull's description.
+    """
 
     objects: int
     """[-] K."""
@@ -123,7 +124,8 @@ class Observations:
     @property
     def outlines(self) -> Float32:
         """(..., K, 3) Half length, half beam [m], heading [rad] in frame B of the rectangle that an
-        object is; all 0 where it is a circle. Extended observations only."""
+        object is; all 0 where it is a circle. Extended observations only.
+        """
         flat = self._part(3)
         return flat.reshape(*flat.shape[:-1], -1, OUTLINE_COLUMNS)
 

@@ -181,7 +181,9 @@ def draw_hulls(settings: ConditionSettings, vessel: VesselParameters, chance: Fl
         lag = np.where(drawn, h.lag_s * u[12] ** 2, lag)
         weak = np.where(u[13] < h.weak, h.weakest + (1.0 - h.weakest) * u[14], 1.0)
         side = u[15] < 0.5
-        gain = np.where(drawn, np.stack([np.where(side, weak, 1.0), np.where(side, 1.0, weak)]), 1.0)
+        gain = np.where(
+            drawn, np.stack([np.where(side, weak, 1.0), np.where(side, 1.0, weak)]), 1.0
+        )
         twice = drawn & (u[16] < h.coriolis_twice)
         current = _between(settings.current_mps, whole[:, 1]) * np.exp(2j * np.pi * whole[:, 2])
         error = np.exp(h.unknown * norm.ppf(np.clip(u[17:27], 1e-6, 1.0 - 1e-6)))
@@ -307,7 +309,10 @@ class State:
         self.decisions[slots] = 0
         strangers = scenario.strangers
         if strangers is not None:
-            self.scripted[slots], self.scripted_velocity[slots] = strangers.place, strangers.velocity
+            self.scripted[slots], self.scripted_velocity[slots] = (
+                strangers.place,
+                strangers.velocity,
+            )
             self.scripted_half[slots] = strangers.half
             self.scripted_heading[slots] = strangers.heading
             self.scripted_radius[slots] = np.hypot(strangers.half[..., 0], strangers.half[..., 1])
@@ -662,7 +667,9 @@ class Physics:
             own = trajectory[1:, 0, e, o] + 1j * trajectory[1:, 1, e, o]
             times = self._substep * np.arange(1, len(own) + 1) - self._period
             theirs = state.scripted[e, k] + state.scripted_velocity[e, k] * times[:, None]
-            gap = rectangle_gap(theirs - own, state.scripted_heading[e, k], state.scripted_half[e, k])
+            gap = rectangle_gap(
+                theirs - own, state.scripted_heading[e, k], state.scripted_half[e, k]
+            )
             hit = gap.min(axis=0) < state.radius[e, o]
             touched[e[hit], o[hit]] = True
         return touched

@@ -19,7 +19,15 @@ from numpy.typing import NDArray
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64
-from twinscrew.runtime.settings import Count, Fraction, NonNegative, Positive, Settings, load, shipped
+from twinscrew.runtime.settings import (
+    Count,
+    Fraction,
+    NonNegative,
+    Positive,
+    Settings,
+    load,
+    shipped,
+)
 
 Points = NDArray[np.complex128]
 Index = NDArray[np.intp]

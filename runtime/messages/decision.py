@@ -79,8 +79,10 @@ def decode_decision(payload: bytes | memoryview) -> Decision:
 
 def _write_observation(writer: Writer, observation: Observation | None) -> None:
     ego = np.zeros(_EGO) if observation is None else observation.ego
-    objects = np.zeros((OBSERVED_OBJECTS, _OBJECT)) if observation is None else observation.objects
-    mask = np.zeros(OBSERVED_OBJECTS) if observation is None else observation.mask
+    objects, mask = np.zeros((OBSERVED_OBJECTS, _OBJECT)), np.zeros(OBSERVED_OBJECTS)
+    if observation is not None:  # the nearest five, as circles: all tracks are in the message too
+        count = min(OBSERVED_OBJECTS, len(observation.mask))
+        objects[:count], mask[:count] = observation.objects[:count], observation.mask[:count]
     numbers = np.concatenate((ego, objects.ravel(), mask), dtype=np.float32)
     writer.values(f"{numbers.size}f", 4, *numbers.tolist())
 
