@@ -89,8 +89,8 @@ def inputs_of(layout: Layout, risk: float | None, *, any_hull: bool = False) -> 
 
 
 SCALE = (
-    "in the hull's own units: divide lengths by l, times by t, forces by f, and what is made of them "
-    "accordingly (speeds by l / t); multiply the answer by f / t and the period by t; "
+    "in the hull's own units: divide lengths by l, times by t, forces by f, and what is made of "
+    "them accordingly (speeds by l / t); multiply the answer by f / t and the period by t; "
     "t = max((length / 5 m) / (top speed / 3.3 m/s), 0.4), l = t top speed / 3.3 m/s, "
     "f = greatest thrust / 1000 N: all 1 for the default vessel"
 )

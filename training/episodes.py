@@ -56,7 +56,7 @@ class Beginning(NamedTuple):
     rows: Float32
     """(N, V, W) What the vessels see at first."""
     chance: Float64
-    """(N, V + 1, chances) Uniform numbers in [0, 1) for the conditions of each vessel and of all."""
+    """(N, V + 1, chances) Uniform numbers in [0, 1) for the conditions of each and all."""
 
 
 class Episodes:
@@ -114,9 +114,8 @@ class Episodes:
     def take(self, slots: Index) -> Beginning:
         """Give the next episode of each of these slots (each at most once)."""
         *drawn, rows, chance = self._pool.take(slots)
-        scenario = Scenarios(*drawn[:SCENARIO_PARTS])
-        if len(drawn) > SCENARIO_PARTS:
-            scenario = scenario._replace(strangers=Strangers(*drawn[SCENARIO_PARTS:]))
+        placed, others = drawn[:SCENARIO_PARTS], drawn[SCENARIO_PARTS:]
+        scenario = Scenarios(*placed, strangers=Strangers(*others) if others else None)
         return Beginning(scenario, rows, chance)
 
     def _draw(self, slots: Index, numbers: Index) -> tuple[NDArray[Any], ...]:
@@ -149,7 +148,8 @@ class Episodes:
         state.take_hulls(every, draw_hulls(self._conditions, self._vessel, chance))
         seen = Perception(noise, self._sight).observe(state, scenario.vessel, drawn).rows
         rows = seen * scenario.vessel[..., None]
-        return (*scenario[:SCENARIO_PARTS], *strangers, rows, chance)
+        placed: tuple[Any, ...] = scenario[:SCENARIO_PARTS]
+        return (*placed, *strangers, rows, chance)
 
 
 SCENARIO_PARTS = len(Scenarios._fields) - 1

@@ -46,7 +46,7 @@ class Observations(NamedTuple):
     mask: Tensor
     """(B, K) float32: 1 where there is an object, 0 where there is padding."""
     outlines: Tensor
-    """(B, K, 3) float32: half length, half beam [m], heading [rad] of a rectangle; 0 for a circle."""
+    """(B, K, 3) float32: half length, half beam [m], heading [rad]; zeros for a circle."""
     hull: Tensor
     """(B, 10) float32: the own hull, as `HULL_COLUMNS` says."""
 

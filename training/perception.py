@@ -38,8 +38,9 @@ _PROBABILITY = (np.arange(QUANTILES) + 0.5) / QUANTILES
 
 
 class Layout(NamedTuple):
-    """How an observation of K objects lies in a row: ego, objects, mask; then, if it is extended,
-    the objects' outlines and the own hull's description.
+    """How an observation of K objects lies in a row: ego, objects, mask.
+
+    Then, if it is extended, the objects' outlines and the own hull's description.
     """
 
     objects: int
@@ -123,8 +124,9 @@ class Observations:
 
     @property
     def outlines(self) -> Float32:
-        """(..., K, 3) Half length, half beam [m], heading [rad] in frame B of the rectangle that an
-        object is; all 0 where it is a circle. Extended observations only.
+        """(..., K, 3) Half length, half beam [m], heading [rad] in frame B; zeros for a circle.
+
+        Extended observations only.
         """
         flat = self._part(3)
         return flat.reshape(*flat.shape[:-1], -1, OUTLINE_COLUMNS)
@@ -276,6 +278,11 @@ class Pairs(NamedTuple):
     factor: Float32
     """(n,) [-] What was perceived of the size; 0 where it is another object's size by now."""
 
+    def only(self, keep: Mask) -> Pairs:
+        """Give some of the pairs."""
+        (e, o), k, p, v, radius, factor = self
+        return Pairs((e[keep], o[keep]), k[keep], p[keep], v[keep], radius[keep], factor[keep])
+
 
 class Perception:
     """Observes states with a noise, and whatever else goes wrong.
@@ -321,7 +328,7 @@ class Perception:
         if state.scripted.shape[1]:
             keep = self._outline(state, pairs, outlines, surface, reach)
             if not keep.all():
-                pairs = Pairs((e[keep], o[keep]), *(part[keep] for part in pairs[1:]))
+                pairs = pairs.only(keep)
                 surface, outlines = surface[keep], outlines[keep]
                 e, o = pairs.which
         turn = heading.conj().astype(np.complex64)[e, o]
@@ -341,7 +348,7 @@ class Perception:
         self, state: State, pairs: Pairs, outlines: Float32, surface: Float32, reach: Float32
     ) -> Mask:
         """Write outlines, and the distances of their surfaces; tell which pairs are in range."""
-        (e, o), first = pairs.which, state.shape[1] + state.buoy.shape[1]
+        (e, _), first = pairs.which, state.shape[1] + state.buoy.shape[1]
         t = pairs.thing - first
         shown = (t >= 0) & (t < state.scripted.shape[1]) & (pairs.factor > 0.0)
         n = np.flatnonzero(shown)

@@ -191,11 +191,11 @@ def draw_hulls(settings: ConditionSettings, vessel: VesselParameters, chance: Fl
     told = hull_columns(
         *(values[:3], values[3:6], values[6:9], values[9], radius, (low, np.full(shape, high)), lag)
     )
-    told = (told * told_wrongly).astype(np.float32)
-    return Hulls(values, radius, low, lag, gain, twice, told, current)
+    rows: Float32 = (told * told_wrongly).astype(np.float32)
+    return Hulls(values, radius, low, lag, gain, twice, rows, current)
 
 
-def _drag(force: Float64, speed: Float64, linear: Float64) -> tuple[Float64, Float64]:
+def _drag(force: Float64 | float, speed: Float64, linear: Float64) -> tuple[Float64, Float64]:
     """Give linear and quadratic drag that hold a force at a speed, a share of it the linear's."""
     return linear * force / speed, (1.0 - linear) * force / speed**2
 

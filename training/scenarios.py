@@ -367,7 +367,7 @@ def draw_strangers(
         range_m=np.full(count, range_m),
     )
     weights = np.cumsum([kind.weight for kind in KINDS])
-    for n in np.flatnonzero(most > 0):
+    for n in np.flatnonzero(most > 0).tolist():
         g = generators[n]
         dice = g.random(4)
         kind = KINDS[int(np.searchsorted(weights, dice[0] * weights[-1], side="right"))]

@@ -1,10 +1,11 @@
 """Sail given episodes: those of an experiment, or one own vessel among scripted others.
 
 Scripted vessels are rectangles that hold course and speed (`twinscrew evaluate --traffic`). The own
-vessel sees each as that rectangle, if its policy takes outlines; else as the circle around it, radius
-0.5 sqrt(length^2 + beam^2): the same rule that makes a WAM-V of 5.0 m x 2.5 m the circle of 2.795 m.
-Noise is the training environment's; the range of sight is the policy's. Contact is judged between rectangles, the own one of the
-vessel's length and width, after every sub-step, and counts for the own vessel alone.
+vessel sees each as that rectangle, if its policy takes outlines; else as the circle around it,
+radius 0.5 sqrt(length^2 + beam^2): the same rule that makes a WAM-V of 5.0 m x 2.5 m the circle of
+2.795 m. Noise is the training environment's; the range of sight is the policy's. Contact is judged
+between rectangles, the own one of the vessel's length and width, after every sub-step, and counts
+for the own vessel alone.
 """
 
 from __future__ import annotations

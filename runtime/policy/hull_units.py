@@ -87,8 +87,8 @@ HULL_COLUMNS = (
 radius [m] of the circle that holds it; steady speed at full thrust ahead, and astern [m/s];
 acceleration from rest at full thrust [m/s2]; steady yaw rate [rad/s] and yaw acceleration from rest
 [rad/s2] with one propeller full ahead and one full astern; sway damping over mass at 1 m/s [1/s];
-mass with added mass in surge over that in sway [-]; time constant of the thrust [s]; least thrust of
-a propeller [N]. In the hull's own units, as everything that a policy sees (`units_of`).
+mass with added mass in surge over that in sway [-]; time constant of the thrust [s]; least thrust
+of a propeller [N]. In the hull's own units, as everything that a policy sees (`units_of`).
 """
 HULL_UNITS = ("m", "m/s", "m/s", "m/s2", "rad/s", "rad/s2", "1/s", "-", "s", "N")
 
