@@ -58,7 +58,7 @@ class Taken:
 class Outputs:
     """What came of a message, or of a tick."""
 
-    mavlink: bytes = b""
+    autopilot: bytes = b""
     """Bytes for the autopilot, to be sent first."""
     messages: list[Taken] = field(default_factory=list)
     """What was taken in, in this order."""
@@ -67,7 +67,7 @@ class Outputs:
     decision: Decision | None = None
     """The decision, if the message was a scan that could be used."""
     thrust: Float64 = field(default_factory=lambda: NEUTRAL)
-    """[N] (2,) What `mavlink` asks of the propellers, left and right."""
+    """[N] (2,) What `autopilot` asks of the propellers, left and right."""
 
 
 class Publisher:
