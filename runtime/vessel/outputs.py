@@ -52,6 +52,8 @@ class Taken:
     """The same, decoded; None if it could not be read, or nobody needs it."""
     made_here: bool = False
     """Whether nobody else publishes it: the vessel's own odometry, engagement."""
+    recorded: bool = False
+    """Whether the driver recorded it as it came, before it was handled."""
 
 
 @dataclass(slots=True)
@@ -112,6 +114,10 @@ class Publisher:
         """SHA-256 over the encoded decisions so far."""
         return self._hash.hexdigest()
 
+    def came(self, topic: str, payload: bytes) -> None:
+        """Record a message before it is handled: what brings a runtime down is in its recording."""
+        self._record(topic, payload)
+
     def publish(self, out: Outputs, explanation: Explanation | None = None) -> None:
         """Publish and record what came of a message or a tick, and why it was so decided."""
         for taken in out.messages:
@@ -165,7 +171,7 @@ class Publisher:
             return
         if taken.made_here:
             self._put(taken.topic, taken.payload)
-        else:
+        elif not taken.recorded:
             self._record(taken.topic, taken.payload)
         if isinstance(taken.message, Odometry):
             if self._recorder is not None and self._frames is not None:
