@@ -18,12 +18,20 @@ from scipy.stats import binomtest
 
 from twinscrew.runtime.errors import ConfigError, PolicyError
 from twinscrew.runtime.messages.types import Float32, Float64, Observation
-from twinscrew.runtime.policy.load import Policy, load_policy
-from twinscrew.runtime.policy.metadata import EXTENDED_INPUTS, OUTPUT_NAME, OUTPUT_SHAPE
+from twinscrew.runtime.policy.hull_units import in_units, units_of
+from twinscrew.runtime.policy.load import InHullUnits, Policy, load_policy
+from twinscrew.runtime.policy.metadata import (
+    EXTENDED_INPUTS,
+    OUTPUT_NAME,
+    OUTPUT_SHAPE,
+    PolicyExpectation,
+    check_expectation,
+)
 from twinscrew.runtime.policy.onnx import AS_SHIPPED, OnnxPolicy, risk_feed
 from twinscrew.runtime.policy.onnx_runtime import ort
 from twinscrew.runtime.policy.risk import RiskSettings, adaptive_level
 from twinscrew.runtime.settings import shipped
+from twinscrew.runtime.vessel_description import DEFAULT, VesselDescription, load_vessel
 from twinscrew.training.environment import RATE_LIMIT, EnvironmentSettings, VectorEnv
 from twinscrew.training.perception import PAPER, Layout, Observations
 from twinscrew.training.scenarios import Mask, ScenarioSettings, six_settings
@@ -69,14 +77,48 @@ class BatchPolicy(Protocol):
         """Give thrust rates, (E, V, 2) [N/s]; those of vessels not `active`, (E, V), are 0."""
 
 
-def open_policy(spec: str, risk: RiskSettings = AS_SHIPPED) -> BatchPolicy:
-    """Give a policy by what the user typed: an ONNX file, a shipped policy's name, apf or mpc."""
+def open_policy(
+    spec: str, risk: RiskSettings = AS_SHIPPED, vessel: VesselDescription | None = None
+) -> BatchPolicy:
+    """Give a policy by what the user typed: an ONNX file, a shipped policy's name, apf or mpc.
+
+    Raises
+    ------
+    PolicyError
+        There is no such policy, or it was not made for the vessel (None: the default one).
+    """
+    hull = vessel or load_vessel()
     if spec in BASELINES:
-        return OneByOne(lambda: load_policy(spec, risk=risk))
+        return OneByOne(lambda: _in_units(load_policy(spec, risk=risk, vessel=hull)))
     try:
-        return OnnxBatch(shipped("policies", spec, ".onnx"), risk)
+        file = shipped("policies", spec, ".onnx")
     except ConfigError as error:
         raise PolicyError(f"{error}; or {', '.join(BASELINES)}, or an ONNX file") from error
+    made = OnnxBatch(file, risk)
+    check_expectation(made.metadata, PolicyExpectation(vessel=hull.name))
+    return made
+
+
+def _in_units(policy: Policy) -> Policy:
+    """Give a policy that is fed in its hull's own units."""
+    return policy.policy if isinstance(policy, InHullUnits) else policy
+
+
+def sailed_by(vessel: VesselDescription, settings: EnvironmentSettings) -> EnvironmentSettings:
+    """Give an environment in which all vessels are like one, everything in that hull's own units.
+
+    So the paper's map, distances and radii are as many of its lengths as they are of the default
+    vessel's. Times that are found there are to be multiplied by `units_of(vessel, ...).time`.
+    """
+    if vessel.key == DEFAULT:
+        return settings
+    units = units_of(vessel, load_vessel())
+    lag_s = vessel.thrusters.time_constant_s / units.time
+    return msgspec.structs.replace(
+        settings,
+        vessel=in_units(vessel.plane, units),
+        conditions=msgspec.structs.replace(settings.conditions, thrust_lag_s=lag_s),
+    )
 
 
 class OnnxBatch:

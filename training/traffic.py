@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from twinscrew.runtime.errors import NOT_THE_FORMAT, ConfigError
 from twinscrew.runtime.messages.types import Float64
+from twinscrew.runtime.policy.hull_units import HullUnits
 from twinscrew.runtime.settings import Positive, Settings, convert
 from twinscrew.training.environment import RATE_LIMIT, EnvironmentSettings, VectorEnv
 from twinscrew.training.evaluate import BatchPolicy, Evaluation, sail, score, shown_to
@@ -280,13 +281,48 @@ def _corners(
     return apart, clear
 
 
+def in_hull_units(traffic: Traffic, units: HullUnits) -> Traffic:
+    """Give the same episodes in a hull's own units."""
+    length, speed, change = units.length, units.speed, msgspec.structs.replace
+
+    def place(where: Place) -> Place:
+        return where[0] / length, where[1] / length
+
+    return Traffic(
+        time_limit_s=traffic.time_limit_s / units.time,
+        episodes=tuple(
+            Encounter(
+                own=change(one.own, start_m=place(one.own.start_m), goal_m=place(one.own.goal_m)),
+                others=tuple(
+                    change(
+                        other,
+                        start_m=place(other.start_m),
+                        speed_mps=other.speed_mps / speed,
+                        length_m=other.length_m / length,
+                        beam_m=other.beam_m / length,
+                    )
+                    for other in one.others
+                ),
+            )
+            for one in traffic.episodes
+        ),
+    )
+
+
 def evaluate_traffic(
     policy: BatchPolicy,
     traffic: Traffic,
     seed: int = 0,
     environment: EnvironmentSettings | None = None,
+    units: HullUnits | None = None,
 ) -> dict[str, Any]:
-    """Sail the episodes of a traffic file, the policy on the own vessel; give plain values."""
+    """Sail the episodes of a traffic file, the policy on the own vessel; give plain values.
+
+    The environment and the policy are in `units` of the own hull; the file and the answer in SI.
+    """
+    length, second, _ = units or (1.0, 1.0, 1.0)
+    if units is not None:
+        traffic = in_hull_units(traffic, units)
     settings = environment or EnvironmentSettings()
     settings = msgspec.structs.replace(shown_to(policy, settings), range_m=policy.range_m)
     env = TrafficEnv(traffic, settings, seed)
@@ -303,14 +339,15 @@ def evaluate_traffic(
         if not active.any():
             break
     arrived = outcome == "arrived"
-    closest = [None if np.isinf(gap) else round(float(gap), 3) for gap in env.closest_m]
+    gaps = length * env.closest_m
+    closest = [None if np.isinf(gap) else round(float(gap), 3) for gap in gaps]
     return {
         "success_rate": float(arrived.mean()),
         "contacts": int((outcome == "contact").sum()),
         "timeouts": int((outcome == "timeout").sum()),
-        "travel_time_s": float(time_s[arrived].mean()) if arrived.any() else None,
+        "travel_time_s": float(second * time_s[arrived].mean()) if arrived.any() else None,
         "episodes": [
-            {"outcome": word, "time_s": float(time), "closest_approach_m": gap}
+            {"outcome": word, "time_s": float(second * time), "closest_approach_m": gap}
             for word, time, gap in zip(outcome, time_s, closest, strict=True)
         ],
     }
