@@ -115,7 +115,7 @@ class Episodes:
         """Give the next episode of each of these slots (each at most once)."""
         *drawn, rows, chance = self._pool.take(slots)
         placed, others = drawn[:SCENARIO_PARTS], drawn[SCENARIO_PARTS:]
-        scenario = Scenarios(*placed, strangers=Strangers(*others) if others else None)
+        scenario = Scenarios._make([*placed, Strangers(*others) if others else None])
         return Beginning(scenario, rows, chance)
 
     def _draw(self, slots: Index, numbers: Index) -> tuple[NDArray[Any], ...]:
