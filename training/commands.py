@@ -21,6 +21,7 @@ if TYPE_CHECKING:  # the command line starts without numpy, torch and ONNX Runti
     from twinscrew.training.evaluate import BatchPolicy, Evaluation
     from twinscrew.training.scenarios import ScenarioSettings
     from twinscrew.training.settings import TrainSettings
+    from twinscrew.training.traffic import Traffic
 
 
 def train(
@@ -158,8 +159,12 @@ def evaluate(
         typer.Option(help="Folder of an experiment: its episodes, set by set.", metavar="DIR"),
     ] = None,
     traffic: Annotated[
-        Path | None,
-        typer.Option(help="JSON file: one own vessel among scripted others.", metavar="FILE"),
+        str | None,
+        typer.Option(
+            help="One own vessel among others that hold course and speed: a JSON file, or a set to "
+            "be drawn: slow, fast, large, anchored, imazu.",
+            metavar="FILE|SET",
+        ),
     ] = None,
     coriolis: Annotated[
         str,
@@ -184,6 +189,7 @@ def evaluate(
     from twinscrew.training.environment import EnvironmentSettings
     from twinscrew.training.evaluate import open_policy, sailed_by
     from twinscrew.training.scenarios import ScenarioSettings, published_distance_m, six_settings
+    from twinscrew.training.traffic import draw_traffic, read_traffic
 
     hull = load_vessel() if vessel is None else load_vessel(vessel)
     environment = sailed_by(hull, convert({"coriolis": coriolis}, EnvironmentSettings))
@@ -198,7 +204,10 @@ def evaluate(
         if on is not None:
             _evaluate_on(on, asked, seed, environment, as_json=as_json)
         elif traffic is not None:
-            _evaluate_traffic(traffic, asked, seed, environment, units, as_json=as_json)
+            path = Path(traffic)
+            drawn = "." not in traffic and not path.exists()
+            met = draw_traffic(traffic, episodes, seed) if drawn else read_traffic(path)
+            _evaluate_traffic(met, asked, seed, environment, units, as_json=as_json)
         return
     distance = published_distance_m(robots) if min_distance is None else min_distance
     one = {"robots": robots, "buoys": buoys, "min_distance_m": distance}
@@ -245,7 +254,7 @@ def _evaluate_on(
 
 
 def _evaluate_traffic(
-    file: Path,
+    traffic: Traffic,
     policy: BatchPolicy,
     seed: int,
     where: EnvironmentSettings,
@@ -257,9 +266,9 @@ def _evaluate_traffic(
     from rich.console import Console
     from rich.table import Table
 
-    from twinscrew.training.traffic import evaluate_traffic, read_traffic
+    from twinscrew.training.traffic import evaluate_traffic
 
-    answer = evaluate_traffic(policy, read_traffic(file), seed, where, units)
+    answer = evaluate_traffic(policy, traffic, seed, where, units)
     if as_json:
         print(json.dumps(answer))
         return
