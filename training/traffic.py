@@ -175,7 +175,7 @@ def read_traffic(file: Path) -> Traffic:
 class _Set(NamedTuple):
     """One row of the traffic table; ranges are (least, greatest)."""
 
-    count: tuple[int, int]
+    others: tuple[int, int]
     speed_mps: tuple[float, float]
     length_m: tuple[float, float]
     beam: float
@@ -237,7 +237,7 @@ def _place(where: complex) -> Place:
 def _aimed(kind: _Set, half: complex, g: np.random.Generator) -> list[Other]:
     """Draw others that meet the own way, at least 12 m clear of the start and 8 m of the goal."""
     others = []
-    for _ in range(int(g.integers(kind.count[0], kind.count[1] + 1))):
+    for _ in range(int(g.integers(kind.others[0], kind.others[1] + 1))):
         length, speed = g.uniform(*kind.length_m), g.uniform(*kind.speed_mps)
         after_s, course = g.uniform(6.0, 16.0), g.uniform(-np.pi, np.pi)
         along = min(OWN_SPEED_MPS * after_s, 34.0) / (2 * HALF_WAY_M)
