@@ -87,7 +87,9 @@ def observe(
     """
     R_NL = rotation_2d(odometry.heading)
     ego = np.empty(7, dtype=np.float32)
-    ego[:2] = _within(goal.position_N - odometry.position_N[:2], settings.goal_range_m) @ R_NL
+    way_N = goal.position_N - odometry.position_N[:2]
+    far = settings.goal_range_m / max(float(np.hypot(*way_N)), settings.goal_range_m)
+    ego[:2] = (way_N * far) @ R_NL
     ego[2:5] = levelled_twist(odometry)
     ego[5:] = thrust
     objects = np.zeros((shown.objects, 5), dtype=np.float32)
@@ -125,11 +127,6 @@ def _outlines(tracks: Tracks, heading: float) -> Float64:
     rows[:, 2] = np.remainder(rows[:, 2] - heading + np.pi, 2 * np.pi) - np.pi
     rows[~np.isfinite(rows).all(axis=1)] = 0.0
     return rows
-
-
-def _within(d_N: Float64, range_m: float) -> Float64:
-    """Shorten a vector, (2,) [m], that is longer than the range."""
-    return d_N * (range_m / max(float(np.hypot(*d_N)), range_m))
 
 
 def levelled_twist(odometry: Odometry) -> Float64:
