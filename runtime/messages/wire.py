@@ -37,24 +37,19 @@ def _record(order: ByteOrder, layout: str) -> Struct:
     return Struct(order + layout)
 
 
-def byte_order(payload: bytes | memoryview, ros_type: str) -> ByteOrder:
-    """Give the byte order of a payload as `struct` writes it; refuse anything but plain CDR."""
-    if len(payload) < HEADER_SIZE:
-        raise MessageError(f"{ros_type}: {len(payload)} bytes are too few for a CDR header")
-    order = _ORDERS.get(bytes(payload[:2]))
-    if order is None:
-        found = bytes(payload[:2]).hex(" ")
-        raise MessageError(f"{ros_type}: CDR header {found} is neither 00 01 nor 00 00")
-    return order
-
-
 class Reader:
     """Reads the fields of one payload in order; anything odd is a `MessageError`."""
 
     __slots__ = ("_at", "_data", "_type", "order")
 
     def __init__(self, payload: bytes | memoryview, ros_type: str) -> None:
-        self.order = byte_order(payload, ros_type)
+        order = _ORDERS.get(bytes(payload[:2]))
+        if len(payload) < HEADER_SIZE:
+            raise MessageError(f"{ros_type}: {len(payload)} bytes are too few for a CDR header")
+        if order is None:
+            found = bytes(payload[:2]).hex(" ")
+            raise MessageError(f"{ros_type}: CDR header {found} is neither 00 01 nor 00 00")
+        self.order: ByteOrder = order
         """Byte order, as `struct` and numpy write it."""
         self._data = memoryview(payload)
         self._at = HEADER_SIZE
@@ -82,17 +77,13 @@ class Reader:
         record = _record(self.order, layout)
         return record.unpack_from(self._data, self.take(record.size, align))
 
-    def uint32(self) -> int:
-        """Read an unsigned number of 4 bytes."""
-        return int(self.values("I", 4)[0])
-
     def uint8(self) -> int:
         """Read an unsigned number of 1 byte."""
         return self._data[self.take(1)]
 
     def flag(self) -> bool:
         """Read a bool; only 0 and 1 are bools."""
-        value = self.uint8()
+        value = self._data[self.take(1)]
         if value > 1:
             raise self.fail(f"{value} is not a bool")
         return value == 1
@@ -109,7 +100,7 @@ class Reader:
         longest
             [B] A longer one is refused before it is read.
         """
-        size = self.uint32()
+        (size,) = self.values("I", 4)
         if longest is not None and size > longest + 1:
             raise self.fail(
                 f"a name of {size - 1} bytes is too long: at most {longest} are allowed"
@@ -126,7 +117,7 @@ class Reader:
 
     def count(self, smallest: int) -> int:
         """Read the length of a sequence whose elements have at least `smallest` bytes."""
-        count = self.uint32()
+        count = int(self.values("I", 4)[0])
         if count * smallest > len(self._data) - self._at:
             raise self.fail(
                 f"{count} elements do not fit the {len(self._data)} bytes of the message"
