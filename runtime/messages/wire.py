@@ -7,9 +7,10 @@ to its own size counted from the end of that header. Source: OMG DDS-XTypes 1.3,
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from struct import Struct
-from typing import Any, Final, Literal, TypeAlias, TypeVar
+from typing import Any, Final, Generic, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ LONGEST_NAME: Final = 255
 recorded again with every transform, so a long one would be paid for many times."""
 
 T = TypeVar("T", bound=np.generic)
+M = TypeVar("M")
 ByteOrder: TypeAlias = Literal["<", ">"]
 
 _ORDERS: Final[dict[bytes, ByteOrder]] = {b"\x00\x00": ">", b"\x00\x01": "<"}
@@ -196,3 +198,106 @@ class Writer:
     def payload(self) -> bytes:
         """Give what was written."""
         return bytes(self._parts)
+
+
+# -- Messages by a table: one description instead of a class, a reader and a writer that must agree.
+
+
+class Kind(NamedTuple):
+    """How a value is read and written."""
+
+    read: Callable[[Reader], Any]
+    write: Callable[[Writer, Any], None]
+
+
+def number(layout: str) -> Kind:
+    """Give the kind of one number; `layout` is `struct`'s letter of it."""
+    align = _record("<", layout).size
+    return Kind(
+        lambda reader: reader.values(layout, align)[0],
+        lambda writer, value: writer.values(layout, align, value),
+    )
+
+
+def vector(count: int) -> Kind:
+    """Give the kind of a fixed number of float64: an array of this length."""
+    return Kind(
+        lambda reader: np.array(reader.values(f"{count}d", 8)),
+        lambda writer, values: writer.values(f"{count}d", 8, *values.tolist()),
+    )
+
+
+def array(dtype: type[np.generic], *shape: int) -> Kind:
+    """Give the kind of a sequence of numbers: an array, (K, *shape)."""
+    return Kind(
+        lambda reader: reader.array(dtype, shape),
+        lambda writer, numbers: writer.array(numbers, dtype),
+    )
+
+
+FLAG: Final = Kind(Reader.flag, lambda writer, value: writer.values("?", 1, value))
+STRING: Final = Kind(Reader.string, Writer.string)
+
+
+class Layout(Generic[M]):
+    """A message: what makes it of its values, and their kinds in the order of the wire.
+
+    Parameters
+    ----------
+    make
+        Makes the message; called with the values by their names.
+    ros_type
+        Its ROS type; empty for what is only part of messages.
+    alike
+        What its arrays are called where they differ in length; empty: they may.
+    kinds
+        The values by name: the message's attributes, when it is written.
+    """
+
+    def __init__(
+        self, make: Callable[..., M], ros_type: str = "", *, alike: str = "", **kinds: Kind
+    ) -> None:
+        self._make, self._type, self._alike, self._kinds = make, ros_type, alike, kinds
+
+    def read(self, reader: Reader) -> M:
+        """Read it where it is part of another message."""
+        values = {name: kind.read(reader) for name, kind in self._kinds.items()}
+        arrays = (value for value in values.values() if isinstance(value, np.ndarray))
+        if self._alike and len({len(one) for one in arrays}) > 1:
+            raise reader.fail(f"the arrays of its {self._alike} differ in length")
+        return self._make(**values)
+
+    def write(self, writer: Writer, message: M) -> None:
+        """Write it as part of another message."""
+        for name, kind in self._kinds.items():
+            kind.write(writer, getattr(message, name))
+
+    def decode(self, payload: bytes | memoryview) -> M:
+        """Read a whole payload; a `MessageError` if it is anything else."""
+        reader = Reader(payload, self._type)
+        message = self.read(reader)
+        reader.end()
+        return message
+
+    def encode(self, message: M) -> bytes:
+        """Write a whole payload."""
+        writer = Writer()
+        self.write(writer, message)
+        return writer.payload()
+
+    @property
+    def kind(self) -> Kind:
+        """The kind of a value that is such a message."""
+        return Kind(self.read, self.write)
+
+    def sequence(self, smallest: int) -> Kind:
+        """Give the kind of several; each takes at least `smallest` bytes."""
+
+        def write(writer: Writer, messages: Sequence[M]) -> None:
+            writer.values("I", 4, len(messages))
+            for message in messages:
+                self.write(writer, message)
+
+        return Kind(
+            lambda reader: tuple([self.read(reader) for _ in range(reader.count(smallest))]), write
+        )
