@@ -282,6 +282,11 @@ class Decision:
     arrived: bool = False
     """True once the (last) goal is reached."""
 
+    @property
+    def observed(self) -> bool:
+        """Whether `observation` holds something."""
+        return self.observation is not None
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation:
