@@ -27,7 +27,6 @@ from twinscrew.runtime.safety.events import COLLISION_COURSE, COLLISION_COURSE_O
 from twinscrew.runtime.settings import Fraction, NonNegative, Positive, Settings
 from twinscrew.runtime.vessel_description import load_vessel
 
-
 PART_M = 5.0
 """[m] What is so near a ship's outline is a part of it: positions by satellite are no better."""
 
