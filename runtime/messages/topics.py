@@ -279,7 +279,6 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=marine.RADAR_TYPE,
                 direction=Direction.IN,
                 traffic=Traffic.SENSOR,
-                rate_hz=0.5,
                 depth=4,
                 largest_b=500_000,
                 core=True,
