@@ -431,7 +431,10 @@ class Tracker:
     def _update(
         self, x: Float64, P: Float64, measured: Measurements, own: Viewpoint, number: int
     ) -> None:
-        found = self._associated(x, P, measured)
+        if self._identifying:
+            found = self._associated(x, P, measured)
+        else:
+            found = associate(x, P, measured, self.settings.gate_sigma)
         if self.settings.sources and own.is_known:
             self._judge_existence(found, own)
         if found.pairs:
@@ -601,7 +604,9 @@ class Tracker:
         tracks = [
             track
             for track in self._tracks
-            if track.confirmed and track.part_of is None and not self._is_doubted(track)
+            if track.confirmed
+            and track.part_of is None
+            and not (self._identifying and self._is_doubted(track))
         ]
         x, P = _states(tracks)
         return Tracks(
@@ -612,7 +617,7 @@ class Tracker:
             radius=_floats([track.radius for track in tracks]),
             covariance=P[:, :4, :4].copy(),
             age_s=_floats([track.age_s for track in tracks]),
-            **_outlines(tracks),
+            **(_outlines(tracks) if self._identifying else {}),
         )
 
 

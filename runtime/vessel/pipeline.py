@@ -177,7 +177,7 @@ class Pipeline:
             What failed: perception, the policy or the guard.
         """
         objects, blind = self._perceive(cloud, odometry)
-        heard = self.senses.listen(cloud.stamp_ns)
+        heard = self.senses.listen(cloud.stamp_ns) if self.senses.by_topic else ()
         tracks, gap = self._track(objects, odometry)
         self._settling.step(cloud.stamp_ns, seen=blind is None)
         progress = self.mission.step(odometry)
@@ -187,7 +187,7 @@ class Pipeline:
         else:
             observation, failed, overridden = self._drive(odometry, goal, tracks)
         self._thrust, tripped = self.guard.check(self._thrust, cloud.stamp_ns)
-        alarmed = self.senses.alarmed(odometry, tracks)
+        alarmed = self.senses.alarmed(odometry, tracks) if self.senses.by_topic else ()
         reported = (blind, *heard, gap, progress, failed, *overridden, *alarmed, tripped)
         decision = Decision(
             stamp_ns=cloud.stamp_ns,
@@ -353,8 +353,6 @@ class Senses:
 
     def listen(self, stamp_ns: int) -> tuple[HealthEvent, ...]:
         """Give the tracker what came up to a scan's stamp [ns]."""
-        if not self.by_topic:
-            return ()
         events: list[HealthEvent] = []
         for sense in dict.fromkeys(sense for each in self.by_topic.values() for sense in each):
             heard = sense.step(stamp_ns, forgotten=self._forgotten)
@@ -370,8 +368,6 @@ class Senses:
 
     def alarmed(self, odometry: Odometry, tracks: Tracks) -> tuple[HealthEvent, ...]:
         """Give what the tracks that came of it make worth reporting."""
-        if not self.by_topic:
-            return ()
         words = "reports itself where the LiDAR sees nothing"
         doubts = [
             AIS_SPOOFED.at(tracks.stamp_ns, f"{name}: {words}")

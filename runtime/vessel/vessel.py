@@ -268,9 +268,10 @@ class Vessel:
         self.decision = out.decision = decision
         self._fault = fault is not None
         self._has_looked = self._has_looked or self.pipeline.knows_surroundings
-        if abs(cloud.stamp_ns - self._targets_ns) >= NANOSECONDS_PER_SECOND:
+        senses = self.pipeline.senses
+        if senses.by_topic and abs(cloud.stamp_ns - self._targets_ns) >= NANOSECONDS_PER_SECOND:
             self._targets_ns = cloud.stamp_ns
-            out.targets = self.pipeline.senses.targets(cloud.stamp_ns)
+            out.targets = senses.targets(cloud.stamp_ns)
         self._tell(out, now_s, *decision.events)
 
     def _odometry(self, taken: Taken, out: Outputs, now_s: float) -> None:
