@@ -118,6 +118,9 @@ MODE_TAKEN = _warning("mode_taken", "A pilot chose another mode: he has the boat
 FAILSAFE_HOLD = _error("failsafe_hold", "The autopilot's radio failsafe holds the boat.")
 OVERRIDE_IGNORED = _error("override_ignored", "The outputs do not follow the commands.")
 ARMING_REFUSED = _warning("arming_refused", "The autopilot refuses to arm.")
+ARMING_WITHHELD = _warning(
+    "arming_withheld", "No operator has given consent: the autopilot is not asked to arm."
+)
 MODE_REFUSED = _warning("mode_refused", "The autopilot refuses MANUAL.")
 WRONG_VEHICLE = _error("wrong_vehicle", "What answers is no ArduPilot boat: neutral thrust.")
 PARAMETERS_WRONG = _warning("parameters_wrong", "Autopilot parameters are not what they must be.")
@@ -142,6 +145,7 @@ OF_THE_AUTOPILOT: Final = frozenset(
         FAILSAFE_HOLD,
         OVERRIDE_IGNORED,
         ARMING_REFUSED,
+        ARMING_WITHHELD,
         MODE_REFUSED,
         WRONG_VEHICLE,
         PARAMETERS_WRONG,

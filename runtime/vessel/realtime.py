@@ -25,6 +25,7 @@ from twinscrew.runtime.link.transport import Transport, await_transport, reopeni
 from twinscrew.runtime.messages.types import HealthEvent
 from twinscrew.runtime.recording.recorder import Recorder
 from twinscrew.runtime.safety.events import (
+    ARMING_WITHHELD,
     FILES_APPROVED,
     INTERNAL_ERROR,
     LINK_DOWN,
@@ -209,6 +210,7 @@ def run_vessel(
     stop: Callable[[], bool],
     refused: tuple[str, ...] = (),
     approval: str = "",
+    withheld: str = "",
     ready: Callable[[], None] = lambda: None,
 ) -> RunSummary:
     """Open everything, loop until `stop` says so, close everything, and write the summary.
@@ -223,6 +225,8 @@ def run_vessel(
         What of the priority the system did not give (`process.take_priority`): it is reported.
     approval
         Who approved the files that were read, if anybody: it is reported.
+    withheld
+        Why the configured arming is not asked for, if it is not: it is reported.
     ready
         Called once everything is open.
 
@@ -252,6 +256,10 @@ def run_vessel(
             publisher.report((PRIORITY_REFUSED.at(vessel.stamp_ns, "; ".join(refused)),))
         if approval:
             publisher.report((FILES_APPROVED.at(vessel.stamp_ns, approval),))
+        if withheld:
+            event = ARMING_WITHHELD.at(vessel.stamp_ns, withheld)
+            publisher.report((event,))
+            vessel.note((event,), time.monotonic())
         stack.enter_context(Garbage())  # the first collection takes 20 ms: before a scan comes
         inbox.listen(bus, inputs_of(config))
         ready()
