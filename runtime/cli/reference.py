@@ -55,7 +55,8 @@ def as_toml(
     for name, group in groups:
         yield ""
         yield f"[{'.'.join((*path, name))}]"
-        yield from _comment(inspect.cleandoc(type(group).__doc__ or "").splitlines()[0])
+        own = meanings.get(name, "")
+        yield from _comment(own or inspect.cleandoc(type(group).__doc__ or "").splitlines()[0])
         yield from as_toml(group, (*path, name), follows)
 
 

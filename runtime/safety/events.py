@@ -100,6 +100,12 @@ STATE_NOW = _info("state_now", "Which state the vessel is in; told every second.
 AUTOPILOT_NOW = _info(
     "autopilot_now", "The autopilot's mode, whether it is armed, its battery; told every second."
 )
+ENVELOPE_NOW = _info(
+    "envelope_now", "The response, and each quantity of the envelope that is known; every second."
+)
+ENVELOPE_LEFT = _warning("envelope_left", "A quantity is beyond what the boat was proved for.")
+ENVELOPE_RETURNED = _info("envelope_returned", "A quantity is well inside the envelope again.")
+FALLBACK = _warning("fallback", "The fallback response of the boat changed; with the reasons.")
 LINK_DOWN = _error(
     "link_down", "The connection to the autopilot broke: it is opened again, neutral thrust."
 )

@@ -122,7 +122,8 @@ class Loop:
         self._report(RECORDER, self._publisher.recorder_trouble())
         self._report(MESSAGES_MISSING, self._publisher.bus_trouble())
         state, autopilot = self._vessel.state.value, self._vessel.link.status.words
-        self._publisher.state(state, self._vessel.stamp_ns, autopilot)
+        envelope = self._vessel.envelope.state
+        self._publisher.state(state, self._vessel.stamp_ns, autopilot, envelope)
         self._manager.alive(now_s, state)
 
     def _guarded(self, do: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | None:
@@ -161,6 +162,7 @@ class Loop:
             behind = int((now_s - self._next_tick_s) / self._period_s) + 1
             self._next_tick_s += behind * self._period_s
             self.missed_ticks += behind
+            self._vessel.late(late_ms, now_s)
             self._report(OVERRUN, f"a tick {late_ms:.0f} ms late, {behind} missed")
 
     def _note_latency(self, message: Received) -> float:
@@ -170,6 +172,7 @@ class Loop:
             self.wire_latencies.add((time.time_ns() - message.sent_ns) / NANOSECONDS_PER_MS)
         if latency_ms > OVERRUN_MS:
             self.overruns += 1
+            self._vessel.late(latency_ms, self._clock())
             self._report(OVERRUN, f"a decision after {latency_ms:.0f} ms")
         return latency_ms
 
