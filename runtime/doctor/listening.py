@@ -21,7 +21,7 @@ from twinscrew.runtime.geometry import euler_from_quaternion, rotation_from_quat
 from twinscrew.runtime.link.ardupilot.authority import AskManual
 from twinscrew.runtime.link.ardupilot.link import AutopilotLink
 from twinscrew.runtime.link.ardupilot.parameters import ParameterState
-from twinscrew.runtime.link.transport import open_transport
+from twinscrew.runtime.link.autopilot import Autopilot, make_autopilot
 from twinscrew.runtime.mavlink import Refusal
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.navigation import read_stamp
@@ -55,7 +55,7 @@ def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False)
     bus = ZenohBus(config.bus, config.name)
     heard: dict[str, list[Heard]] = defaultdict(list)  # see `keep`
     own = config.odometry_source == "autopilot"
-    link = AutopilotLink(
+    link = make_autopilot(
         replace(
             autopilot_of(config),
             arm=False,
@@ -63,7 +63,7 @@ def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False)
             write_parameters=write_params,
         )
     )
-    transport = open_transport(config.autopilot.connection, link.recognises)
+    transport = link.open(lambda: True)
     estimate = Estimator(config.estimation) if config.odometry_source == "gps_imu" else None
     topics = tuple(topic for topic in inputs_of(config) if TOPICS[topic].rate_hz > 0)
     try:
@@ -355,8 +355,16 @@ KEYS = {
 }
 
 
-def judge_autopilot(link: AutopilotLink) -> list[Finding]:
-    """Say what was heard of the autopilot, and of each parameter that the link depends on."""
+def judge_autopilot(link: Autopilot) -> list[Finding]:
+    """Say what was heard of the autopilot; of an ArduPilot, of each parameter that matters, too."""
+    if isinstance(link, AutopilotLink):
+        return _judge_ardupilot(link)
+    if not link.status.connected:
+        return [fail("autopilot", "nothing is heard", "check the connection string and the cable")]
+    return [ok("autopilot", link.status.words)]
+
+
+def _judge_ardupilot(link: AutopilotLink) -> list[Finding]:
     status = link.status
     if not status.connected and status.refusal is not None:
         return [fail("autopilot", f"its frames are {status.refusal.value}", KEYS[status.refusal])]
