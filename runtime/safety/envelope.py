@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Final, Literal
@@ -20,6 +20,7 @@ import numpy as np
 from twinscrew.runtime.geometry import euler_from_quaternion
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
+    Float32,
     Float64,
     HealthEvent,
     Odometry,
@@ -35,6 +36,10 @@ SEA_SAMPLE_NS: Final = NANOSECONDS_PER_SECOND // 10
 """[ns] Between two samples of them."""
 SEA_LEAST_S: Final = 10.0
 """[s] Before this nothing is said of the sea."""
+UPWARDS_RAD: Final = math.radians(8.5)
+"""[rad] Beams that rise more pass 3 m over the LiDAR at 20 m."""
+VISIBILITY_EVERY_S: Final = 0.5
+"""[s] The range image is looked at so often: that takes 0.2 ms."""
 MOST_NARROWING: Final = 0.999
 """[-] A scan of nothing but clutter."""
 
@@ -253,23 +258,36 @@ class SeaState:
         return self._known
 
 
-def visibility_m(beams: int, used: int, in_objects: int, range_m: float) -> float:
-    """Give how far beams come on the average [m], by those that end in what is no object.
+class Visibility:
+    """How far beams come on the average, by those that look up and end all the same.
 
-    Drops in the air end beams at random: of N beams N (1 - exp(-range / visibility)) within the
-    range (Beer and Lambert). What is seen of objects is taken out.
+    Drops in the air end beams at random: 1 - exp(-range / visibility) of them within the range
+    (Beer and Lambert). Beams that rise by more than `UPWARDS_RAD` pass over boats and buoys, so
+    that what they meet is in the air; under trees, bridges and high walls it is not.
 
     Parameters
     ----------
-    beams, used, in_objects
-        [-] Beams of a scan; echoes within the range that are neither hull nor water; those of them
-        that belong to objects.
+    elevations : (M,) float64
+        Of the beams [rad], lowest first.
     range_m
         [m] Up to which echoes are used.
     """
-    free = max(beams - in_objects, 1)
-    clutter = min(max(used - in_objects, 0) / free, MOST_NARROWING)
-    return math.inf if clutter == 0.0 else -range_m / math.log1p(-clutter)
+
+    def __init__(self, elevations: Float64, range_m: float) -> None:
+        self._first = int(np.searchsorted(elevations, UPWARDS_RAD))
+        self._range_m = range_m
+        self._known = math.nan
+        self._known_s = -math.inf
+
+    def step(self, image: Callable[[], Float32], now_s: float) -> float:
+        """Give it [m], NaN if no beam looks up; the range image, (M, W), is asked for seldom."""
+        if now_s - self._known_s >= VISIBILITY_EVERY_S:
+            self._known_s = now_s
+            upper = image()[self._first :]
+            if upper.size:
+                ended = min(float((upper > 0.0).mean()), MOST_NARROWING)
+                self._known = -self._range_m / math.log1p(-ended) if ended else math.inf
+        return self._known
 
 
 def slowed(thrust: Float64, surge_mps: float, most_mps: float, gain_nspm: float) -> Float64:

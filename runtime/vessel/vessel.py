@@ -41,7 +41,7 @@ from twinscrew.runtime.safety.envelope import (
     EnvelopeSettings,
     Response,
     SeaState,
-    visibility_m,
+    Visibility,
 )
 from twinscrew.runtime.safety.events import (
     BAD_MESSAGE,
@@ -138,6 +138,7 @@ class Vessel:
         self.envelope = envelope or Envelope(EnvelopeSettings(enabled=False))
         self._slow = slow or slow_of(RuntimeConfig())
         self._sea = SeaState()
+        self._visibility: Visibility | None = None
         self._lateness: deque[tuple[float, float]] = deque()
         self._fault = False
         self._has_looked = not looks_first
@@ -383,19 +384,17 @@ class Vessel:
         if decision is not None and not self._inputs_too_old:
             moving = np.hypot(*decision.tracks.v_N.T) > MOVING_MPS
             known["traffic"] = float(moving.sum())
-            known |= self._seen(decision)
+            known |= self._seen(now_s)
         return known
 
-    def _seen(self, decision: Decision) -> dict[str, float]:
+    def _seen(self, now_s: float) -> dict[str, float]:
         """Give what perception and the assurance know; those in their place may know nothing."""
         perception, assurance = self.pipeline.perception, self.pipeline.assurance
         known = {}
         if isinstance(perception, Perception):
-            rows, columns = perception.sensor.image_shape
-            in_objects = int(decision.objects.points.sum())
-            known["visibility_m"] = visibility_m(
-                rows * columns, perception.report.used, in_objects, perception.range_m
-            )
+            if self._visibility is None:
+                self._visibility = Visibility(perception.sensor.elevations, perception.range_m)
+            known["visibility_m"] = self._visibility.step(perception.range_image, now_s)
         if isinstance(assurance, Assurance) and self.engaged:
             known["drift_share"] = assurance.disturbance_n / (2.0 * assurance.limits.max_n)
         return known
@@ -443,7 +442,8 @@ class Vessel:
             may_drive=status.engaged,
             fault=self._fault or now_s < self._held_until_s or self.pipeline.stopped,
             knows_surroundings=self._has_looked and not self.pipeline.is_settling,
-            has_goal=self.pipeline.mission.target is not None,
+            has_goal=self.pipeline.mission.target is not None
+            or self.envelope.response is Response.HOLD,
             warned=self.health.warned(now_s) or self.envelope.response is not Response.NONE,
         )
 
