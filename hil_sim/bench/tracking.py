@@ -170,7 +170,7 @@ def steps_of(count: int, scans: int = 300) -> dict[str, float]:
     rng, side = np.random.default_rng(count), math.ceil(math.sqrt(count))
     first_N = 3.0 * np.stack(np.divmod(np.arange(count), side), axis=1) + 4.0
     v_N = np.where((np.arange(count) % 3 == 0)[:, None], rng.normal(0.0, 0.5, (count, 2)), 0.0)
-    figures = {}
+    figures: dict[str, float] = {}
     for name, sources in (("lidar", {}), ("all", {"ais": AIS, "radar": RADAR})):
         tracker, times = Tracker(TrackerSettings(sources=sources)), []
         with garbage_at_rest():

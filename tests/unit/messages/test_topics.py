@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[3]
 
 
 def test_the_core_takes_in_what_decides_a_run():
-    always = {"points", "odometry", "goal", "route", "engagement"}
+    always = {"points", "odometry", "goal", "route", "engagement", "fallback"}
     assert set(CORE_INPUTS) == always | {"nmea", "radar"}
 
 
