@@ -320,7 +320,7 @@ class Ais:
         if number in STATIC:
             _note_static(target, message)
         if kind is None or report is None:
-            return None
+            return self._renamed(mmsi, target, stamp_ns)
         target.kind = kind
         if target.is_stale:
             target.is_stale = False
@@ -531,6 +531,15 @@ class Ais:
             extras=[Report(named, v_N, self._settings.velocity_sigma_mps)],
         )
 
+    def _renamed(self, mmsi: int, target: Target, stamp_ns: int) -> Look | None:
+        """Give the tracker name and size as soon as they are known."""
+        if not target.faces or target.kind == BASE or target.virtual:
+            return None
+        look = self._look(mmsi, target, target.faces[0], 0, stamp_ns)
+        if look is None:
+            return None
+        return replace(look, extras=[replace(look.extras[0], names_only=True)])
+
     def _all_looks(self, mmsi: int, target: Target, stamp_ns: int) -> Iterable[Look]:
         """Give what is known of a vessel again, where it must be by now."""
         if target.kind == BASE or target.virtual:
@@ -592,7 +601,9 @@ class Ais:
             interval_s = max(
                 (f.report.interval_s for f in target.faces if f.report is not None), default=360.0
             )
-            if silent_s > 5.0 * interval_s + 1.0:
+            if silent_s < -PART_AGE_S:  # the clock was set back: nothing is known of its times
+                del self._targets[mmsi]
+            elif silent_s > 5.0 * interval_s + 1.0:
                 del self._targets[mmsi]
                 if target.faces and target.kind in (CLASS_A, CLASS_B):
                     self._tell(AIS_LOST, mmsi, target, stamp_ns, f"silent for {silent_s:.0f} s")

@@ -49,6 +49,8 @@ class Report:
     """[m/s] [N] (2,) Velocity over ground; None: not told."""
     v_sigma_mps: float = 0.5
     """[m/s] Standard deviation of each of its components."""
+    names_only: bool = False
+    """Whether it only says what its vessel is called, and how large it is: no new position."""
 
 
 def take_named(
@@ -78,6 +80,11 @@ def take_named(
     """
     for m, report in enumerate(look.extras):
         track = _of(tracks, report.named.identity)
+        if report.names_only:
+            if track is not None:
+                track.named = report.named
+                track.radius = track.radius if track.scans else report.named.radius_m
+            continue
         z, R = look.z[m], look.R[m]
         if track is not None and track.scans and not _agree(track, report, z, R):
             track.named = None  # the LiDAR follows something else by now

@@ -202,7 +202,7 @@ class Vessel:
                     aligned = replace(odometry, stamp_ns=stamp_ns)
                     self._own_odometry(aligned, out, now_s)
         for age_s, text in self.link.take_ais():
-            if "nmea" in self._handlers:
+            if "nmea" in self._handlers and self.inputs.latest_ns:
                 stamp_ns = self.inputs.latest_ns - round(age_s * NANOSECONDS_PER_SECOND)
                 self._own_sentence(text, stamp_ns, out, now_s)
         return out
@@ -211,7 +211,8 @@ class Vessel:
         """Take in a sentence of NMEA 0183 that came by itself, not as a message."""
         out = Outputs()
         self._look(now_s)
-        self._own_sentence(sentence, self.inputs.latest_ns, out, now_s)
+        if self.inputs.latest_ns:  # before the first odometry nobody knows when that was
+            self._own_sentence(sentence, self.inputs.latest_ns, out, now_s)
         return out
 
     def tick(self, now_s: float) -> Outputs:

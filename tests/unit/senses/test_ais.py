@@ -73,7 +73,7 @@ class Receiver:
         for text in encode_dict(
             {"type": 5, "mmsi": 257123450} | fields, talker_id="AI", sentence_type="VDM"
         ):
-            assert not self.hears(t, text)
+            assert all(look.extras[0].names_only for look in self.hears(t, text))
 
     def waits(self, begin: int, end: int) -> None:
         for t in range(begin, end):
@@ -143,6 +143,16 @@ def test_the_middle_of_the_hull_is_tracked_not_the_antenna_and_heading_is_not_co
     np.testing.assert_allclose(look.extras[0].v_N, (2.0, 0.0), atol=0.05)
 
 
+def test_name_and_size_are_told_as_soon_as_they_are_known():
+    boat = Receiver()
+    assert boat.report(1.0, (0.0, 500.0), (2.0, 0.0))
+    fields = {"type": 5, "mmsi": 257123450, "shipname": "NORDLYS", "to_bow": 60, "to_stern": 40}
+    texts = encode_dict(fields, talker_id="AI", sentence_type="VDM")
+    (look,) = [look for text in texts for look in boat.hears(2.0, text)]
+    assert look.extras[0].names_only
+    assert look.extras[0].named.name == "257123450 NORDLYS"
+
+
 def test_a_course_stands_in_for_a_heading_only_of_what_moves():
     (moving,) = Receiver().report(2.0, (0.0, 500.0), (0.0, 5.0))
     (lying,) = Receiver().report(2.0, (0.0, 500.0), (0.0, 0.2))
@@ -194,6 +204,13 @@ def test_who_falls_silent_is_stale_and_then_lost():
     boat.waits(40, 60)
     assert boat.names == {"ais_stale", "ais_lost"}
     assert boat.ais.targets(stamp(60)) is None
+
+
+def test_a_clock_that_is_set_back_leaves_no_ship_that_never_grows_old():
+    boat = Receiver()
+    boat.report(3600.0, (0.0, 300.0), (0.0, 5.0))
+    boat.waits(0, 2)
+    assert boat.ais.targets(stamp(1)) is None
 
 
 def test_a_ship_at_anchor_may_be_silent_for_minutes():

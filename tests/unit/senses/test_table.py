@@ -298,6 +298,18 @@ def test_an_empty_report_of_an_autopilot_is_none(nothing):
     assert ais_sentences(ais_vessel(**nothing)) == []
 
 
+def test_a_sentence_of_a_receiver_is_recorded_as_it_was_said():
+    config = RuntimeConfig(senses=SensesSettings(ais=AisSettings(datum=DATUM)))
+    vessel = make_vessel(config)
+    (text,) = (cdr.decode_sentence(p).text for p in sentences(1, (50.0, 50.0)))
+    assert not vessel.hear(text, 0.0).messages  # before the first odometry there is no time
+    vessel.handle(Received("odometry", odometry(1), 0), 0.1)
+    (taken,) = vessel.hear(text, 0.15).messages
+    assert taken.made_here
+    said = cdr.decode_sentence(taken.payload)
+    assert (said.text, said.stamp_ns) == (text, START_NS + SCAN_NS)
+
+
 def test_replayed_messages_give_the_same_decisions():
     config = RuntimeConfig(senses=SensesSettings(ais=AisSettings(datum=DATUM)))
 

@@ -129,6 +129,18 @@ def test_the_lidars_tracks_are_the_same_to_the_last_bit_whatever_ais_says_elsewh
         np.testing.assert_array_equal(one.covariance, two.covariance[mine])
 
 
+def test_a_name_alone_changes_no_position():
+    tracker, here = make(ais=AIS), scene.odometry(0)
+    tracker.take(report((10.0, 100.0), (0.0, 4.0), 0))
+    before = tracker.step(scene.objects(np.empty((0, 2)), here), here)
+    look = report((10.0, 300.0), (0.0, 4.0), 0, half_length=30.0)
+    tracker.take(replace(look, extras=[replace(look.extras[0], names_only=True)]))
+    here = scene.odometry(1)
+    after = tracker.step(scene.objects(np.empty((0, 2)), here), here)
+    np.testing.assert_allclose(after.p_N, before.p_N, atol=1e-6)
+    assert after.half_length[0] == 30.0
+
+
 def test_a_buoy_beside_a_ship_is_not_taken_for_it():
     tracker = make(ais=AIS)
     for k in range(80):
