@@ -189,8 +189,8 @@ def _read(path: Path) -> zenoh.Config:
 
 _EMPTY: Final = "%"
 _SLASH_RMW, _SLASH_DDS = "%", "§"
-_RELIABLE, _VOLATILE, _KEEP_LAST = 1, 0, 0
-"""DDS's numbers."""
+_RELIABLE, _VOLATILE, _TRANSIENT_LOCAL, _KEEP_LAST = 1, 0, 1, 0
+"""DDS's numbers; rmw's number of transient local is the same."""
 NODE_ID: Final = 0
 """[-] We are one node a session and namespace, and rmw_zenoh counts nodes and entities together."""
 
@@ -223,7 +223,8 @@ def rmw_end(
     """Give rmw_zenoh's token of a publisher or subscriber; `number` is its own in the session."""
     package, _, last = topic.ros_type.split("/")
     name = ros_name(topic, namespace).replace("/", _SLASH_RMW)
-    quality = f"::,{topic.depth}:,:,:,,"  # reliable, volatile, keep the last `depth`: the defaults
+    # Reliable, volatile, keep the last `depth`: the defaults have no numbers.
+    quality = f":{_TRANSIENT_LOCAL if topic.durable else ''}:,{topic.depth}:,:,:,,"
     entity = _rmw(session, domain, number, end.value, namespace, node)
     type_ = f"{package}::msg::dds_::{last}_/{type_hash(topic.ros_type)}"
     return f"{entity}/{name}/{type_}/{quality}"
@@ -233,7 +234,8 @@ def dds_end(session: str, namespace: str, end: End, topic: Topic) -> str:
     """Give zenoh-bridge-ros2dds's token of a publisher or subscriber."""
     name = ros_name(topic, namespace).removeprefix("/").replace("/", _SLASH_DDS)
     type_ = topic.ros_type.replace("/", _SLASH_DDS)
-    quality = f":{_RELIABLE}:{_VOLATILE}:{_KEEP_LAST},{topic.depth}"
+    durability = _TRANSIENT_LOCAL if topic.durable else _VOLATILE
+    quality = f":{_RELIABLE}:{durability}:{_KEEP_LAST},{topic.depth}"
     return f"@/{session}/@ros2_lv/{end.value}/{name}/{type_}/{quality}"
 
 

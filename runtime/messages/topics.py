@@ -184,6 +184,9 @@ class Topic:
     """[-] How many unread messages are kept, the newest ones."""
     largest_b: int | None = None
     """[B] Larger messages are thrown away unread; None: the bus's `max_message_mb` alone counts."""
+    durable: bool = False
+    """True if ROS 2 expects it to reach late listeners (transient local): it is given again and
+    again, and announced as such."""
     core: bool = False
     """True if the core takes it in: a recording of these topics is enough for a replay."""
 
@@ -338,7 +341,16 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=TRANSFORMS_TYPE,
                 direction=Direction.OUT,
                 traffic=Traffic.STATUS,
-                rate_hz=10.0,
+                rate_hz=20.0,
+            ),
+            Topic(
+                name="static_transforms",
+                key="/tf_static",
+                ros_type=TRANSFORMS_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=1.0,
+                durable=True,
             ),
             Topic(
                 name="diagnostics",

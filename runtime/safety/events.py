@@ -86,6 +86,9 @@ ASSURANCE_RELEASED = _info("assurance_released", "The policy has the propellers 
 INTERNAL_ERROR = _error("internal_error", "A fault of the runtime itself: neutral thrust.")
 GOAL_MISSING = _info("goal_missing", "There is no goal: neutral thrust.")
 GOAL_SET = _info("goal_set", "A new goal was accepted.")
+GOAL_FRAME = _warning(
+    "goal_frame", "A goal is in a frame whose place is not known: it is not taken."
+)
 WAYPOINT_REACHED = _info("waypoint_reached", "A waypoint is reached; the next one is the goal.")
 GOAL_REACHED = _info("goal_reached", "The last goal is reached: neutral thrust.")
 OVERRUN = _warning(

@@ -27,6 +27,7 @@ from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.settings import Settings, convert, read_toml
 from twinscrew.runtime.tracking.tracker import TrackerSettings
+from twinscrew.runtime.vessel.frames import FrameSettings
 from twinscrew.runtime.vessel.hull_settings import hull_settings
 from twinscrew.runtime.vessel.inputs import AlignmentSettings, OdometryBufferSettings
 from twinscrew.runtime.vessel.mission import MissionSettings
@@ -77,6 +78,7 @@ class RuntimeConfig(Settings, frozen=True):
     assurance: AssuranceSettings = AssuranceSettings()
     odometry: OdometryBufferSettings = OdometryBufferSettings()
     alignment: AlignmentSettings = AlignmentSettings()
+    frames: FrameSettings = FrameSettings()
     estimation: EstimationSettings = EstimationSettings()
     bus: ZenohSettings = ZenohSettings()
     autopilot: AutopilotSettings = AutopilotSettings()

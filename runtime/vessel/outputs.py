@@ -16,9 +16,8 @@ from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.app.recording import DecisionHash
 from twinscrew.runtime.bus.base import Bus
 from twinscrew.runtime.errors import BusError
-from twinscrew.runtime.geometry import flu_to_frd, quaternion_from_euler
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.navigation import VESSEL_FRAME
+from twinscrew.runtime.messages.navigation import WORLD_FRAME
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
     Decision,
@@ -27,10 +26,9 @@ from twinscrew.runtime.messages.types import (
     HealthEvent,
     Odometry,
 )
-from twinscrew.runtime.messages.visual import Transform, vessel_transform
-from twinscrew.runtime.perception.sensor import Sensor
 from twinscrew.runtime.safety.events import AUTOPILOT_NOW, STATE_NOW
 from twinscrew.runtime.safety.guard import NEUTRAL
+from twinscrew.runtime.vessel.frames import Frames
 
 STATE_EVERY_NS: Final = NANOSECONDS_PER_SECOND
 """[ns] How often the state is published while it stays as it is."""
@@ -79,8 +77,9 @@ class Publisher:
         Where to; either may be missing.
     vessel
         Whose health events these are.
-    sensor
-        The LiDAR, whose place on the vessel is recorded; None to record no transforms.
+    frames
+        The vessel's frames, whose places are recorded, and published where the settings say so;
+        None: they are not.
     clock_ns
         [ns] Gives the recording's log times; replays do not depend on them.
     """
@@ -91,14 +90,15 @@ class Publisher:
         recorder: Recorder | None,
         *,
         vessel: str = "",
-        sensor: Sensor | None = None,
+        frames: Frames | None = None,
         clock_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self.decisions = 0
         self._bus = bus
         self._recorder = recorder
         self._vessel = vessel
-        self._frames = None if sensor is None else Frames(sensor)
+        self._places = frames
+        self._frames = frames or Frames()
         self._clock_ns = clock_ns
         self._hash = DecisionHash()
         self._path = SailedPath()
@@ -168,13 +168,20 @@ class Publisher:
         else:
             self._record(taken.topic, taken.payload)
         if isinstance(taken.message, Odometry):
-            if self._recorder is not None and self._frames is not None:
-                self._record("transforms", self._frames.encoded(taken.message))
-            path = self._path.step(taken.message)
+            self._transforms(taken.message)
+            path = self._path.step(taken.message, self._frames.world)
             if path is not None:
                 self._put("path", path)
-        elif taken.topic == "points" and self._frames is not None and taken.message is not None:
-            self._frames.see(taken.message.frame_id)
+
+    def _transforms(self, odometry: Odometry) -> None:
+        """Record where the frames are, so that RViz and Foxglove draw all in one picture."""
+        if self._places is None:
+            return
+        give = self._put if self._places.settings.publish else self._record
+        give("transforms", self._places.moving(odometry))
+        static = self._places.static(odometry.stamp_ns)
+        if static is not None:
+            give("static_transforms", static)
 
     def _decide(self, decision: Decision, thrust: Float64, explanation: Explanation | None) -> None:
         payload = cdr.encode_decision(decision)
@@ -184,8 +191,11 @@ class Publisher:
             self._put("decision", payload)
             if explanation is not None:
                 self._put("explanation", cdr.encode_explanation(explanation))
-            self._put("objects", cdr.encode_object_markers(decision.objects))
-            self._put("tracks", cdr.encode_track_markers(decision.tracks))
+            frames = self._frames
+            objects = cdr.encode_object_markers(decision.objects, frame_id=frames.vessel)
+            self._put("objects", objects)
+            tracks = cdr.encode_track_markers(decision.tracks, frame_id=frames.world)
+            self._put("tracks", tracks)
             self.thrust(thrust)
 
     def _put(self, topic: str, payload: bytes) -> None:
@@ -220,7 +230,7 @@ class SailedPath:
         self._places: deque[tuple[float, float]] = deque(maxlen=PATH_PLACES)
         self._last_ns: int | None = None
 
-    def step(self, odometry: Odometry) -> bytes | None:
+    def step(self, odometry: Odometry, frame_id: str = WORLD_FRAME) -> bytes | None:
         """Follow the odometry; gives the encoded path once a second, else None."""
         north, east, _ = odometry.position_N.tolist()
         if not self._places or math.dist(self._places[-1], (north, east)) >= PATH_STEP_M:
@@ -229,31 +239,4 @@ class SailedPath:
         if last_ns is not None and 0 <= stamp_ns - last_ns < PATH_EVERY_NS:
             return None
         self._last_ns = stamp_ns
-        return cdr.encode_path(np.array(self._places), stamp_ns=stamp_ns)
-
-
-class Frames:
-    """Where the frames are, so that RViz and Foxglove draw a recording in one picture.
-
-    Recorded only, never published: a boat or a VRX has its own publisher of /tf.
-    """
-
-    def __init__(self, sensor: Sensor) -> None:
-        self._sensor = sensor
-        self._lidar: Transform | None = None
-
-    def see(self, frame_id: str) -> None:
-        """Note what the LiDAR calls its frame."""
-        mount = self._sensor.mount
-        if self._lidar is not None or mount is None or frame_id in ("", VESSEL_FRAME):
-            return
-        q = quaternion_from_euler(mount.roll_rad, mount.pitch_rad, mount.yaw_rad)
-        x, y, z = flu_to_frd(self._sensor.mount_position_B).tolist()
-        self._lidar = Transform(VESSEL_FRAME, frame_id, (x, y, z), tuple(q.tolist()))
-
-    def encoded(self, odometry: Odometry) -> bytes:
-        """Give the transforms to record after odometry: the vessel's, and the LiDAR's on it."""
-        frames = [vessel_transform(odometry)]
-        if self._lidar is not None:
-            frames.append(self._lidar)
-        return cdr.encode_transforms(frames, stamp_ns=odometry.stamp_ns)
+        return cdr.encode_path(np.array(self._places), stamp_ns=stamp_ns, frame_id=frame_id)

@@ -35,7 +35,7 @@ from twinscrew.runtime.safety.events import (
     RECORDER,
     EventKind,
 )
-from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of, sensor_of
+from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
 from twinscrew.runtime.vessel.outputs import Publisher
 from twinscrew.runtime.vessel.process import Garbage, ServiceManager
 from twinscrew.runtime.vessel.summary import Latencies, RunSummary, metadata_of, write_summary
@@ -246,7 +246,7 @@ def run_vessel(
         recorder = None
         if folder is not None:
             recorder = stack.enter_context(open_recorder(folder, config, source, vessel))
-        publisher = Publisher(bus, recorder, vessel=config.name, sensor=sensor_of(config))
+        publisher = Publisher(bus, recorder, vessel=config.name, frames=vessel.frames)
         loop = Loop(vessel, inbox, transport, publisher, rate_hz=config.command_rate_hz)
         if refused:
             publisher.report((PRIORITY_REFUSED.at(vessel.stamp_ns, "; ".join(refused)),))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.harness.boat import Steady, decided, make_pipeline, odometry
@@ -10,8 +12,11 @@ from twinscrew.runtime.app.recording import DecisionHash
 from twinscrew.runtime.bus.base import MemoryBus, Received
 from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.topics import TOPICS, type_store
 from twinscrew.runtime.messages.types import Decision
+from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.safety.events import LIDAR_STALE, OVERRUN
+from twinscrew.runtime.vessel.frames import Frames, FrameSettings
 from twinscrew.runtime.vessel.outputs import (
     PATH_PLACES,
     Outputs,
@@ -177,7 +182,7 @@ def sail(path, times_s, speed=2.0):
 def test_it_is_told_once_a_second_with_a_place_a_metre():
     told = sail(SailedPath(), np.arange(0.0, 10.0, 0.05))
     assert len(told) == 10
-    _, places_N = cdr.decode_path(told[-1])
+    _, places_N, _ = cdr.decode_path(told[-1])
     np.testing.assert_allclose(np.diff(places_N[:, 0]), 1.0, atol=0.11)
     assert (places_N[:, 1] == 0.0).all()
 
@@ -189,7 +194,7 @@ def test_a_boat_at_rest_leaves_one_place():
 
 def test_a_long_way_keeps_its_end():
     told = sail(SailedPath(), np.arange(0.0, 2.0 * PATH_PLACES, 1.0))
-    _, places_N = cdr.decode_path(told[-1])
+    _, places_N, _ = cdr.decode_path(told[-1])
     assert len(places_N) == PATH_PLACES
     assert places_N[-1, 0] == 2.0 * (2.0 * PATH_PLACES - 1)
 
@@ -208,3 +213,38 @@ def test_only_what_was_made_here_is_published_and_all_of_it_is_recorded() -> Non
     Publisher(bus, book, clock_ns=lambda: 7).publish(Outputs(messages=taken))
     assert [message.payload for message in heard] == [b"own"]
     assert book.pages == [("points", b"scan", 7), ("odometry", b"own", 7)]
+
+
+@pytest.mark.parametrize("publish", [False, True])
+def test_transforms_are_always_recorded_and_published_where_the_settings_say_so(
+    publish: bool,
+) -> None:
+    bus, heard, book = MemoryBus("wamv"), [], Book()
+    for topic in ("transforms", "static_transforms"):
+        bus.subscribe(topic, heard.append)
+    frames = Frames(FrameSettings(publish=publish), "wamv", load_sensor("vrx16"))
+    frames.see("wamv/lidar")
+    publisher = Publisher(bus, book, frames=frames, clock_ns=lambda: 7)
+    for k in range(3):
+        made = odometry(k / 2)
+        publisher.publish(Outputs(messages=[Taken("odometry", cdr.encode_odometry(made), made)]))
+    recorded = [topic for topic, _, _ in book.pages]
+    assert recorded.count("transforms") == 3
+    assert recorded.count("static_transforms") == 2  # once a second
+    assert [m.topic for m in heard].count("transforms") == (3 if publish else 0)
+    assert [m.topic for m in heard].count("static_transforms") == (2 if publish else 0)
+
+
+def test_markers_and_path_are_in_the_frames_of_the_odometry() -> None:
+    book, frames = Book(), Frames(None, "wamv")
+    frames.follow(replace(odometry(0.0), frame_id="map", child_frame_id="wamv/base_link"))
+    publisher = Publisher(None, book, frames=frames, clock_ns=lambda: 7)
+    made = odometry(0.0)
+    publisher.publish(Outputs(messages=[Taken("odometry", cdr.encode_odometry(made), made)]))
+    publisher.publish(outputs((12.0, -3.0), decision=decide()))
+    named = {}
+    for topic, payload, _ in book.pages:
+        if topic in ("path", "objects", "tracks"):
+            message = type_store().deserialize_cdr(payload, TOPICS[topic].ros_type)
+            named[topic] = (message.markers[0] if topic != "path" else message).header.frame_id
+    assert named == {"path": "map", "objects": "wamv/base_link", "tracks": "map"}
