@@ -27,7 +27,7 @@ from twinscrew.runtime.bus.base import (
 )
 from twinscrew.runtime.errors import BusError, ConfigError
 from twinscrew.runtime.files import read_file
-from twinscrew.runtime.messages.topics import KeyFormat, Topic, Traffic, key, ros_name, type_hash
+from twinscrew.runtime.messages.topics import KeyFormat, Topic, Traffic, key, rmw_type, ros_name
 from twinscrew.runtime.permissions import require_private
 from twinscrew.runtime.settings import Positive, Settings
 
@@ -41,7 +41,8 @@ os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 40), tx: (worker_t
 has stopped reading (10 s after it fell silent, for 10 s), that holds one of its receiving threads,
 of which there are two by default: two stopped viewers kept everybody's messages from coming in."""
 
-DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
+DEFAULT_PORT: Final = 7447
+DEFAULT_ENDPOINT: Final = f"tcp/127.0.0.1:{DEFAULT_PORT}"
 """Zenoh's usual port, on this machine only."""
 
 
@@ -64,7 +65,8 @@ class ZenohSettings(Settings, frozen=True):
     are applied over it where they are not at their defaults; what it does not say of listening and
     of looking for others is theirs, too. Private keys that it names must be their owner's alone."""
     key_format: KeyFormat = "ros2dds"
-    """Whose keys: those of zenoh-bridge-ros2dds, or of rmw_zenoh."""
+    """Whose keys: those of zenoh-bridge-ros2dds, of rmw_zenoh, or of rmw_zenoh in ROS 2 Humble,
+    which has no type hashes."""
     domain: Annotated[int, Meta(ge=0, le=232)] = 0
     """[-] ROS_DOMAIN_ID; rmw_zenoh's keys hold it."""
     node: Annotated[str, Meta(pattern="^([A-Za-z_][A-Za-z0-9_]*)?$")] = "twinscrew"
@@ -218,15 +220,21 @@ def rmw_node(session: str, domain: int, namespace: str, node: str) -> str:
 
 
 def rmw_end(
-    session: str, domain: int, namespace: str, node: str, number: int, end: End, topic: Topic
+    session: str,
+    domain: int,
+    namespace: str,
+    node: str,
+    number: int,
+    end: End,
+    topic: Topic,
+    key_format: KeyFormat = "rmw_zenoh",
 ) -> str:
     """Give rmw_zenoh's token of a publisher or subscriber; `number` is its own in the session."""
-    package, _, last = topic.ros_type.split("/")
     name = ros_name(topic, namespace).replace("/", _SLASH_RMW)
     # Reliable, volatile, keep the last `depth`: the defaults have no numbers.
     quality = f":{_TRANSIENT_LOCAL if topic.durable else ''}:,{topic.depth}:,:,:,,"
     entity = _rmw(session, domain, number, end.value, namespace, node)
-    type_ = f"{package}::msg::dds_::{last}_/{type_hash(topic.ros_type)}"
+    type_ = rmw_type(topic, key_format)
     return f"{entity}/{name}/{type_}/{quality}"
 
 
@@ -289,7 +297,7 @@ class _Line:
             self._nodes.add(namespace)
             self._declare(rmw_node(*who))
         number = len(self._tokens) + 1
-        self._declare(rmw_end(*who, number, end, find_topic(topic)))
+        self._declare(rmw_end(*who, number, end, find_topic(topic), settings.key_format))
 
     def _declare(self, token: str) -> None:
         self._tokens.append(self.session.liveliness().declare_token(token))

@@ -142,8 +142,10 @@ SMALL_B: Final = 16_384
 ROUTE_B: Final = 2_000_000
 """[B] The most of a route: 4096 places, each with a frame of 255 letters, have 1.4 MB."""
 
-KeyFormat: TypeAlias = Literal["ros2dds", "rmw_zenoh"]
-KEY_FORMATS: Final[tuple[KeyFormat, ...]] = ("ros2dds", "rmw_zenoh")
+KeyFormat: TypeAlias = Literal["ros2dds", "rmw_zenoh", "rmw_zenoh_humble"]
+KEY_FORMATS: Final[tuple[KeyFormat, ...]] = ("ros2dds", "rmw_zenoh", "rmw_zenoh_humble")
+NO_HASH: Final = "TypeHashNotSupported"
+"""What stands in the place of a type's hash in the keys of Humble's rmw_zenoh: Humble has none."""
 
 
 class Direction(Enum):
@@ -393,7 +395,8 @@ def key(topic: Topic, namespace: str, key_format: KeyFormat = "ros2dds", *, doma
     namespace
         The vessel's, as "wamv1".
     key_format
-        Whose keys: those of zenoh-bridge-ros2dds, or those of rmw_zenoh.
+        Whose keys: those of zenoh-bridge-ros2dds, those of rmw_zenoh, or those of rmw_zenoh as of
+        ROS 2 Humble, which have no type hashes.
     domain
         [-] ROS_DOMAIN_ID; part of rmw_zenoh's keys only.
 
@@ -405,7 +408,13 @@ def key(topic: Topic, namespace: str, key_format: KeyFormat = "ros2dds", *, doma
     name = ros_name(topic, namespace).removeprefix("/")
     if key_format == "ros2dds":
         return name
-    if key_format != "rmw_zenoh":
+    if key_format not in KEY_FORMATS:
         raise BusError(f"key format {one_of(key_format, KEY_FORMATS)}")
+    return f"{domain}/{name}/{rmw_type(topic, key_format)}"
+
+
+def rmw_type(topic: Topic, key_format: KeyFormat) -> str:
+    """Give a topic's type and its hash as rmw_zenoh's keys and tokens name them."""
     package, _, last = topic.ros_type.split("/")
-    return f"{domain}/{name}/{package}::msg::dds_::{last}_/{type_hash(topic.ros_type)}"
+    hashed = NO_HASH if key_format == "rmw_zenoh_humble" else type_hash(topic.ros_type)
+    return f"{package}::msg::dds_::{last}_/{hashed}"
