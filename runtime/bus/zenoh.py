@@ -10,12 +10,13 @@ import time
 import uuid
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, cast
 
 import zenoh
-from msgspec import Meta
+from msgspec import Meta, field
 
 from twinscrew.runtime.bus.base import (
     Received,
@@ -25,9 +26,17 @@ from twinscrew.runtime.bus.base import (
     find_topic,
     source_time_ns,
 )
-from twinscrew.runtime.errors import BusError, ConfigError
+from twinscrew.runtime.errors import BusError, ConfigError, one_of
 from twinscrew.runtime.files import read_file
-from twinscrew.runtime.messages.topics import KeyFormat, Topic, Traffic, key, rmw_type, ros_name
+from twinscrew.runtime.messages.topics import (
+    TOPICS,
+    KeyFormat,
+    Topic,
+    Traffic,
+    key,
+    rmw_type,
+    ros_name,
+)
 from twinscrew.runtime.permissions import require_private
 from twinscrew.runtime.settings import Positive, Settings
 
@@ -69,6 +78,9 @@ class ZenohSettings(Settings, frozen=True):
     which has no type hashes."""
     domain: Annotated[int, Meta(ge=0, le=232)] = 0
     """[-] ROS_DOMAIN_ID; rmw_zenoh's keys hold it."""
+    topics: dict[str, str] = field(default_factory=dict)
+    """Topics that have other names on this bus: `points = "velodyne/points"` is under the vessel's
+    namespace, "/points" is not. Left out, a topic has its own (docs/interfaces.md)."""
     node: Annotated[str, Meta(pattern="^([A-Za-z_][A-Za-z0-9_]*)?$")] = "twinscrew"
     """The node's name in ROS 2: `ros2 topic list` shows what is published and heard; empty: it does
     not."""
@@ -77,7 +89,27 @@ class ZenohSettings(Settings, frozen=True):
     lossless: bool = False
     """Wait where the line is full instead of dropping: for lock-step, never at sea."""
 
+    def __post_init__(self) -> None:
+        """Refuse names of topics that there are not, or that ROS does not allow."""
+        for name, other in self.topics.items():
+            if name not in TOPICS:
+                raise ValueError(f"topics: {one_of(name, TOPICS)}")
+            if not _ROS_NAME.fullmatch(other):
+                raise ValueError(
+                    f"topics.{name}: {other!r} is not a name: letters, digits, _ and / between"
+                )
+        names = [self.topics.get(name, topic.key) for name, topic in TOPICS.items()]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"topics: {twice[0]!r} would be two topics")
 
+    def topic(self, name: str) -> Topic:
+        """Give a topic of the table, as it is called here; a `BusError` if there is none."""
+        topic = find_topic(name)
+        return replace(topic, key=self.topics[name]) if name in self.topics else topic
+
+
+_ROS_NAME: Final = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 _KEYS: Final = {
     "mode": "mode",
     "connect": "connect/endpoints",
@@ -290,14 +322,14 @@ class _Line:
         if not settings.node:
             return
         if settings.key_format == "ros2dds":
-            self._declare(dds_end(session, namespace, end, find_topic(topic)))
+            self._declare(dds_end(session, namespace, end, settings.topic(topic)))
             return
         who = (session, settings.domain, namespace, settings.node)
         if namespace not in self._nodes:
             self._nodes.add(namespace)
             self._declare(rmw_node(*who))
         number = len(self._tokens) + 1
-        self._declare(rmw_end(*who, number, end, find_topic(topic), settings.key_format))
+        self._declare(rmw_end(*who, number, end, settings.topic(topic), settings.key_format))
 
     def _declare(self, token: str) -> None:
         self._tokens.append(self.session.liveliness().declare_token(token))
@@ -446,7 +478,9 @@ class ZenohBus:
         if self._line.closed:
             raise BusError("the bus is closed")
         settings = self._line.settings
-        return key(find_topic(topic), self._namespace, settings.key_format, domain=settings.domain)
+        return key(
+            settings.topic(topic), self._namespace, settings.key_format, domain=settings.domain
+        )
 
 
 def _words(config: zenoh.Config) -> str:

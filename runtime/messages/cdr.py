@@ -12,6 +12,7 @@ from twinscrew.runtime.messages.decision import (
 )
 from twinscrew.runtime.messages.navigation import (
     decode_clock,
+    decode_enable,
     decode_engagement,
     decode_fix,
     decode_goal,
@@ -20,6 +21,7 @@ from twinscrew.runtime.messages.navigation import (
     decode_path,
     decode_thrust,
     encode_clock,
+    encode_enable,
     encode_engagement,
     encode_fix,
     encode_goal,
@@ -30,20 +32,24 @@ from twinscrew.runtime.messages.navigation import (
 )
 from twinscrew.runtime.messages.point_cloud import decode_point_cloud, encode_point_cloud
 from twinscrew.runtime.messages.visual import (
+    Shape,
     Transform,
     decode_diagnostics,
     encode_diagnostics,
     encode_object_markers,
+    encode_shapes,
     encode_track_markers,
     encode_transforms,
     vessel_transform,
 )
 
 __all__ = [
+    "Shape",
     "Transform",
     "decode_clock",
     "decode_decision",
     "decode_diagnostics",
+    "decode_enable",
     "decode_engagement",
     "decode_explanation",
     "decode_fix",
@@ -56,6 +62,7 @@ __all__ = [
     "encode_clock",
     "encode_decision",
     "encode_diagnostics",
+    "encode_enable",
     "encode_engagement",
     "encode_explanation",
     "encode_fix",
@@ -65,6 +72,7 @@ __all__ = [
     "encode_odometry",
     "encode_path",
     "encode_point_cloud",
+    "encode_shapes",
     "encode_thrust",
     "encode_track_markers",
     "encode_transforms",

@@ -461,11 +461,12 @@ def _read_alike(reader: Reader, count: int, frame_id: str) -> list[tuple[float, 
     return list(zip(poses["y"].tolist(), poses["x"].tolist(), strict=True))
 
 
-# -- The messages of one or two numbers: thrust, clock, engagement.
+# -- The messages of one or two numbers: thrust, clock, enable, engagement.
 
 THRUST_TYPE: Final = "std_msgs/msg/Float64"
 CLOCK_TYPE: Final = "rosgraph_msgs/msg/Clock"
 ENGAGEMENT_TYPE: Final = "twinscrew_msgs/msg/Engagement"
+ENABLE_TYPE: Final = "std_msgs/msg/Bool"
 
 
 def encode_thrust(thrust: float) -> bytes:
@@ -514,3 +515,16 @@ def decode_engagement(payload: bytes | memoryview) -> Engagement:
     engagement = Engagement(stamp_ns=read_stamp(reader), engaged=reader.flag())
     reader.end()
     return engagement
+
+
+def encode_enable(enable: bool) -> bytes:
+    """Write a std_msgs/Bool: whether the thrusters may be driven."""
+    return HEADER + bytes([enable])
+
+
+def decode_enable(payload: bytes | memoryview) -> bool:
+    """Read a std_msgs/Bool: whether the thrusters may be driven."""
+    reader = Reader(payload, ENABLE_TYPE)
+    enable = reader.flag()
+    reader.end()
+    return enable

@@ -14,6 +14,7 @@ from twinscrew.runtime.errors import BusError, MessageError, one_of
 from twinscrew.runtime.messages.decision import DECISION_TYPE, EXPLANATION_TYPE
 from twinscrew.runtime.messages.navigation import (
     CLOCK_TYPE,
+    ENABLE_TYPE,
     ENGAGEMENT_TYPE,
     FIX_TYPE,
     GOAL_TYPE,
@@ -258,6 +259,15 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 core=True,
             ),
             Topic(
+                name="enable",
+                key="enable",
+                ros_type=ENABLE_TYPE,
+                direction=Direction.IN,
+                traffic=Traffic.COMMAND,
+                depth=64,
+                largest_b=SMALL_B,
+            ),
+            Topic(
                 name="engagement",
                 key="engagement",
                 ros_type=ENGAGEMENT_TYPE,
@@ -328,6 +338,14 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 direction=Direction.OUT,
                 traffic=Traffic.STATUS,
                 rate_hz=10.0,
+            ),
+            Topic(
+                name="situation",
+                key="situation",
+                ros_type=MARKERS_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=2.0,
             ),
             Topic(
                 name="path",

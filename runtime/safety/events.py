@@ -103,6 +103,15 @@ STATE_NOW = _info("state_now", "Which state the vessel is in; told every second.
 AUTOPILOT_NOW = _info(
     "autopilot_now", "The autopilot's mode, whether it is armed, its battery; told every second."
 )
+THRUST_ENABLED = _info("thrust_enabled", "The enable came: decisions drive the thrusters.")
+THRUST_DISABLED = _info("thrust_disabled", "The enable was taken back: neutral thrust at once.")
+ENABLE_LOST = _warning("enable_lost", "The enable does not come any more: neutral thrust.")
+ENABLE_REFUSED = _warning(
+    "enable_refused", "An enable came, but nobody consented at the start: neutral thrust."
+)
+KEEPER = _warning(
+    "keeper", "The process that stops the thrusters after the runtime had died: started again."
+)
 LINK_DOWN = _error(
     "link_down", "The connection to the autopilot broke: it is opened again, neutral thrust."
 )

@@ -14,6 +14,7 @@ import numpy as np
 
 from twinscrew.runtime.bus.base import Bus
 from twinscrew.runtime.errors import BusError
+from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.navigation import WORLD_FRAME
 from twinscrew.runtime.messages.types import (
@@ -23,7 +24,11 @@ from twinscrew.runtime.messages.types import (
     Float64,
     HealthEvent,
     Odometry,
+    Tracks,
 )
+from twinscrew.runtime.messages.visual import Shape
+from twinscrew.runtime.policy.colregs import CROSSING_ZONE, HEAD_ON_ZONE
+from twinscrew.runtime.policy.colregs import DEFAULT as COLREGS
 from twinscrew.runtime.recording.recorder import Recorder
 from twinscrew.runtime.recording.recording import DecisionHash
 from twinscrew.runtime.safety.events import AUTOPILOT_NOW, STATE_NOW
@@ -32,6 +37,10 @@ from twinscrew.runtime.vessel.frames import Frames
 
 STATE_EVERY_NS: Final = NANOSECONDS_PER_SECOND
 """[ns] How often the state is published while it stays as it is."""
+DRAW_EVERY_NS: Final = NANOSECONDS_PER_SECOND // 2
+"""[ns] How often the situation is drawn (`TOPICS["situation"]`)."""
+BUOY_RADIUS_M: Final = 2.0
+"""[m] What stands still and is no larger is drawn as a buoy."""
 PATH_STEP_M: Final = 1.0
 """[m] Between two places of the path."""
 PATH_PLACES: Final = 1000
@@ -64,6 +73,8 @@ class Outputs:
     """What an operator should know, the decision's own events among it."""
     decision: Decision | None = None
     """The decision, if the message was a scan that could be used."""
+    goals_N: Float64 | None = None
+    """[m] [N] (K, 2) With a decision, the goals ahead; None elsewhere."""
     thrust: Float64 = field(default_factory=lambda: NEUTRAL)
     """[N] (2,) What `mavlink` asks of the propellers, left and right."""
 
@@ -103,6 +114,7 @@ class Publisher:
         self._hash = DecisionHash()
         self._path = SailedPath()
         self._state_ns: int | None = None
+        self._drawn_ns: int | None = None
         self._recorder_losses, self._bus_losses = Losses(), Losses()
         self.has_listeners = bus is not None or recorder is not None
         """Whether anything is published or recorded."""
@@ -117,7 +129,7 @@ class Publisher:
         for taken in out.messages:
             self._take(taken)
         if out.decision is not None:
-            self._decide(out.decision, out.thrust, explanation)
+            self._decide(out.decision, out.thrust, explanation, out.goals_N)
         self.report(out.events)
 
     def report(self, events: Iterable[HealthEvent]) -> None:
@@ -183,7 +195,13 @@ class Publisher:
         if static is not None:
             give("static_transforms", static)
 
-    def _decide(self, decision: Decision, thrust: Float64, explanation: Explanation | None) -> None:
+    def _decide(
+        self,
+        decision: Decision,
+        thrust: Float64,
+        explanation: Explanation | None,
+        goals_N: Float64 | None,
+    ) -> None:
         payload = cdr.encode_decision(decision)
         self._hash.add(payload)
         self.decisions += 1
@@ -196,7 +214,18 @@ class Publisher:
             self._put("objects", objects)
             tracks = cdr.encode_track_markers(decision.tracks, frame_id=frames.world)
             self._put("tracks", tracks)
+            self._draw(decision.tracks, goals_N)
             self.thrust(thrust)
+
+    def _draw(self, tracks: Tracks, goals_N: Float64 | None) -> None:
+        """Draw goals, buoys and the zones of the COLREGs, twice a second."""
+        last_ns, stamp_ns = self._drawn_ns, tracks.stamp_ns
+        if last_ns is not None and 0 <= stamp_ns - last_ns < DRAW_EVERY_NS:
+            return
+        self._drawn_ns = stamp_ns
+        shapes = situation_shapes(tracks, goals_N)
+        frame_id = self._frames.world
+        self._put("situation", cdr.encode_shapes(shapes, stamp_ns=stamp_ns, frame_id=frame_id))
 
     def _put(self, topic: str, payload: bytes) -> None:
         if self._bus is not None:
@@ -207,6 +236,38 @@ class Publisher:
     def _record(self, topic: str, payload: bytes) -> None:
         if self._recorder is not None:
             self._recorder.record(topic, payload, self._clock_ns())
+
+
+_GOAL, _BUOY = (0.2, 0.7, 0.2, 0.6), (0.9, 0.5, 0.1, 0.8)
+_HEAD_ON, _CROSSING = (0.8, 0.1, 0.1, 0.9), (0.6, 0.1, 0.7, 0.9)
+GOAL_RADIUS_M: Final = 1.0
+"""[m] How large a goal is drawn."""
+
+
+def situation_shapes(tracks: Tracks, goals_N: Float64 | None) -> list[Shape]:
+    """Give what is drawn of goals, of what stands still, and of the zones of vessels under way.
+
+    Namespaces: `goals`, in their order; `buoys`, `head_on` and `crossing`, numbered as the tracks.
+    """
+    shapes = [
+        Shape("goals", number, _GOAL, goal_N[None, :], GOAL_RADIUS_M)
+        for number, goal_N in enumerate(() if goals_N is None else goals_N)
+    ]
+    speeds = np.hypot(*tracks.v_N.T).tolist()
+    for i, speed in enumerate(speeds):
+        number, at_N = int(tracks.id[i]) % 2**31, tracks.p_N[i]
+        if speed < COLREGS.min_speed_mps:
+            if tracks.radius[i] <= BUOY_RADIUS_M:
+                radius = float(tracks.radius[i])
+                shapes.append(Shape("buoys", number, _BUOY, at_N[None, :], radius))
+            continue
+        turn = rotation_2d(math.atan2(tracks.v_N[i, 1], tracks.v_N[i, 0]))
+        for name, corners, color in (
+            ("head_on", HEAD_ON_ZONE, _HEAD_ON),
+            ("crossing", CROSSING_ZONE, _CROSSING),
+        ):
+            shapes.append(Shape(name, number, color, at_N + corners @ turn.T))
+    return shapes
 
 
 class Losses:

@@ -132,6 +132,7 @@ class Vessel:
             "engagement": self._engagement,
             "gps": self._fix,
             "imu": self._imu,
+            **dict.fromkeys(link.topics, self._for_autopilot),
         }
         self._fault = False
         self._has_looked = not looks_first
@@ -173,7 +174,7 @@ class Vessel:
         out = Outputs()
         self._look(now_s)
         self._take(Taken(message.topic, message.payload), out, now_s)
-        if out.decision is not None:
+        if out.decision is not None or message.topic in self.link.topics:
             self._command(out, now_s)
         return out
 
@@ -204,7 +205,7 @@ class Vessel:
         if change is not None:
             self._tell(out, now_s, change)
         ready = self._has_looked and now_s >= self._held_until_s and not self._watchdog.stale
-        self._engage(status.engaged and ready, out)
+        self._engage(engaged=status.engaged and ready, out=out)
         self._ground.serve(
             lambda topic, payload: self._take(Taken(topic, payload), out, now_s), stamp_ns, now_s
         )
@@ -273,6 +274,7 @@ class Vessel:
             return
         decision, fault = self.pipeline.step(cloud, verdict.odometry, engaged=self.engaged)
         self.decision = out.decision = decision
+        out.goals_N = self.pipeline.mission.ahead_N
         self._fault = fault is not None
         self._has_looked = self._has_looked or self.pipeline.knows_surroundings
         self._tell(out, now_s, *decision.events)
@@ -363,6 +365,11 @@ class Vessel:
     def _odometry_at(self, stamp_ns: int) -> Odometry | None:
         return self.inputs.at(stamp_ns) if stamp_ns else self.inputs.newest
 
+    def _for_autopilot(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        self.link.hear(taken.topic, taken.payload, now_s)
+        if self.engaged and not self.link.status.engaged:
+            self._engage(engaged=False, out=out)  # at once, and not with the next tick
+
     def _engagement(self, taken: Taken, _out: Outputs, _now_s: float) -> None:
         # Of a recording: aboard, `tick` decides.
         self.engaged = cdr.decode_engagement(taken.payload).engaged
@@ -375,7 +382,7 @@ class Vessel:
         self._watchdog.awake(now_s)
         self._inputs_too_old = self._watchdog.too_old(now_s)
 
-    def _engage(self, engaged: bool, out: Outputs) -> None:
+    def _engage(self, *, engaged: bool, out: Outputs) -> None:
         """Note who drives: an input of the decisions like any other, so it is recorded."""
         if engaged == self.engaged:
             return
