@@ -21,7 +21,7 @@ from twinscrew.runtime.geometry import euler_from_quaternion, rotation_from_quat
 from twinscrew.runtime.link.ardupilot.authority import AskManual
 from twinscrew.runtime.link.ardupilot.link import AutopilotLink
 from twinscrew.runtime.link.ardupilot.parameters import ParameterState
-from twinscrew.runtime.link.transport import open_transport
+from twinscrew.runtime.link.autopilot import Autopilot, make_autopilot
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.navigation import read_stamp
 from twinscrew.runtime.messages.topics import TOPICS
@@ -54,7 +54,7 @@ def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False)
     bus = ZenohBus(config.bus, config.name)
     heard: dict[str, list[Heard]] = defaultdict(list)  # see `keep`
     own = config.odometry_source == "autopilot"
-    link = AutopilotLink(
+    link = make_autopilot(
         replace(
             autopilot_of(config),
             arm=False,
@@ -62,7 +62,7 @@ def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False)
             write_parameters=write_params,
         )
     )
-    transport = open_transport(config.autopilot.connection, link.recognises)
+    transport = link.open(lambda: True)
     estimate = Estimator(config.estimation) if config.odometry_source == "gps_imu" else None
     topics = tuple(topic for topic in inputs_of(config) if TOPICS[topic].rate_hz > 0)
     try:
@@ -347,12 +347,14 @@ WRITE = "twinscrew doctor --listen 10 --write-params, or load config/autopilot/a
 RESTART = "restart the autopilot: some parameters act from then on only"
 
 
-def judge_autopilot(link: AutopilotLink) -> list[Finding]:
-    """Say what was heard of the autopilot, and of each parameter that the link depends on."""
-    status = link.status
-    if not status.connected:
+def judge_autopilot(link: Autopilot) -> list[Finding]:
+    """Say what was heard of the autopilot; of an ArduPilot, of each parameter that matters, too."""
+    if not link.status.connected:
         advice = "check the connection string, the cable, and SERIALn_PROTOCOL 2"
         return [fail("autopilot", "nothing is heard", advice)]
+    if not isinstance(link, AutopilotLink):
+        return [ok("autopilot", link.status.words)]
+    status = link.status
     found = f"mode {status.mode}, {'armed' if status.armed else 'disarmed'}"
     parameters = [judge_parameter(state) for state in link.parameters]
     if not status.is_boat:

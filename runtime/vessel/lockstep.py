@@ -90,7 +90,7 @@ class SteppedRuntime:
             if self.publisher.has_listeners:
                 explanation = self.vessel.explain(out.decision)
         self.publisher.publish(out, explanation)
-        return out.mavlink
+        return out.autopilot
 
     def exchange(self, data: bytes, now_s: float) -> bytes:
         """Take in MAVLink bytes, and give those that answer them."""
@@ -98,7 +98,7 @@ class SteppedRuntime:
         self.publisher.publish(self.vessel.receive(data, now_s))
         out = self.vessel.tick(now_s)
         self.publisher.publish(out)
-        return out.mavlink
+        return out.autopilot
 
     def summary(self) -> RunSummary:
         """Say what happened so far."""

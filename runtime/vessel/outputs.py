@@ -65,7 +65,7 @@ class Taken:
 class Outputs:
     """What came of a message, or of a tick."""
 
-    mavlink: bytes = b""
+    autopilot: bytes = b""
     """Bytes for the autopilot, to be sent first."""
     messages: list[Taken] = field(default_factory=list)
     """What was taken in, in this order."""
@@ -76,7 +76,7 @@ class Outputs:
     goals_N: Float64 | None = None
     """[m] [N] (K, 2) With a decision, the goals ahead; None elsewhere."""
     thrust: Float64 = field(default_factory=lambda: NEUTRAL)
-    """[N] (2,) What `mavlink` asks of the propellers, left and right."""
+    """[N] (2,) What `autopilot` asks of the propellers, left and right."""
 
 
 class Publisher:

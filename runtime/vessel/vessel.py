@@ -1,8 +1,8 @@
 """One vessel's runtime without its sockets and its clock.
 
-Messages and the autopilot's bytes come in with the time; MAVLink bytes, and what is to be published
-and recorded, go out. `run` drives it in real time, the lock-step driver in simulated time, and
-`replay` feeds it what a recording took in: to the same decisions.
+Messages and the autopilot's bytes come in with the time; bytes for the autopilot, and what is to be
+published and recorded, go out. `run` drives it in real time, the lock-step driver in simulated
+time, and `replay` feeds it what a recording took in: to the same decisions.
 """
 
 from __future__ import annotations
@@ -20,8 +20,7 @@ from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.estimation.estimator import Estimator
 from twinscrew.runtime.ground.report import GroundReport
 from twinscrew.runtime.ground.service import GroundService
-from twinscrew.runtime.ground.stations import Stations
-from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotStatus
+from twinscrew.runtime.link.autopilot import Autopilot, AutopilotStatus, make_autopilot
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.navigation import as_read_back
 from twinscrew.runtime.messages.topics import TOPICS
@@ -95,7 +94,7 @@ class Vessel:
     def __init__(
         self,
         pipeline: Pipeline,
-        link: AutopilotLink,
+        link: Autopilot,
         *,
         report: GroundReport | None = None,
         odometry: OdometryBufferSettings | None = None,
@@ -223,7 +222,7 @@ class Vessel:
         return self.link.command(NEUTRAL, now_s)
 
     def rest(self, now_s: float) -> bytes:
-        """Give the last MAVLink bytes of a run: propellers at stop."""
+        """Give the last bytes of a run: propellers at stop."""
         self.engaged = False
         return self.link.command(NEUTRAL, now_s) + self.link.tick(now_s)
 
@@ -404,7 +403,7 @@ class Vessel:
         nothing_to_do = self.state is State.READY and self.pipeline.mission.target is None
         wanted = None if nothing_to_do else out.thrust
         asks = not self._inputs_too_old
-        out.mavlink = self.link.command(wanted, now_s) + self.link.tick(now_s, may_ask=asks)
+        out.autopilot = self.link.command(wanted, now_s) + self.link.tick(now_s, may_ask=asks)
 
     def _tell(self, out: Outputs, now_s: float, *events: HealthEvent) -> None:
         if events:
@@ -441,11 +440,9 @@ def make_vessel(
         Something configured does not exist or cannot be used: before anything moves.
     """
     autopilot, source = autopilot_of(config), config.odometry_source
-    us = (autopilot.system_id, autopilot.component_id)
-    stations = Stations(config.ground.orders, autopilot.datum, us)
     return Vessel(
         pipeline or make_pipeline(config),
-        AutopilotLink(autopilot, stations=stations),
+        make_autopilot(autopilot, config.ground.orders),
         report=GroundReport(
             config.ground,
             autopilot.datum,

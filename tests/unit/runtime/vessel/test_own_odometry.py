@@ -126,7 +126,7 @@ class Sailing:
         self._note(self.vessel.tick(now_s), now_s)
 
     def _note(self, out: Outputs, now_s: float) -> None:
-        self.pilot.receive(out.mavlink, now_s)
+        self.pilot.receive(out.autopilot, now_s)
         self.fed += [taken.message for taken in out.messages if taken.topic == "odometry"]
         self.decisions += [out.decision] if out.decision else []
         self.events += out.events
