@@ -16,8 +16,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.link.autopilot import topics_of
 from twinscrew.runtime.link.transport import NoTransport, Transport
 from twinscrew.runtime.mavlink import Message
 from twinscrew.runtime.messages import cdr
@@ -29,7 +31,11 @@ from twinscrew.runtime.safety.events import (
     THRUST_ENABLED,
     EventKind,
 )
-from twinscrew.runtime.settings import NonNegative, Settings
+from twinscrew.runtime.settings import NonNegative, Settings, convert
+
+if TYPE_CHECKING:
+    from twinscrew.runtime.ground.orders import OrderSettings
+    from twinscrew.runtime.link.ardupilot.settings import AutopilotSettings
 
 PAUSE_S: Final = 1.0
 """[s] After a false, whoever sends true must have been silent for so long before it counts."""
@@ -69,7 +75,7 @@ class ThrusterStatus:
 class ThrusterLink:
     """Decides who may drive; the thrust itself is published by the vessel's driver."""
 
-    topics = ("enable",)
+    topics = topics_of("thrust")
     stations = None
 
     def __init__(self, settings: ThrusterSettings | None = None, *, armed: bool = False) -> None:
@@ -149,3 +155,19 @@ class ThrusterLink:
         if self._enabled and 0.0 < longest_s < now_s - self._true_s:
             self._enabled = False
             self._news.append((ENABLE_LOST, f"the last came {now_s - self._true_s:.2f} s ago"))
+
+
+def make(settings: AutopilotSettings, orders: OrderSettings | None = None) -> ThrusterLink:  # noqa: ARG001
+    """Make the thrusters of `autopilot.kind = "thrust"`; ground stations do not reach them.
+
+    Raises
+    ------
+    ConfigError
+        There is an option that is not one of `ThrusterSettings`.
+    """
+    try:
+        options = convert(settings.options, ThrusterSettings)
+    except ConfigError as error:
+        words = str(error).removeprefix(f"{error.key}: ")
+        raise ConfigError(words, key=f"autopilot.options.{error.key}") from error
+    return ThrusterLink(options, armed=settings.arm)

@@ -344,10 +344,11 @@ class Vessel:
             except FrameError as error:
                 self._tell(out, now_s, GOAL_FRAME.at(self.stamp_ns, str(error)))
                 return
+        stamp_ns = order.stamp_ns or self.stamp_ns
         if order.is_route:
-            self._tell(out, now_s, mission.set_route(places_N, order.stamp_ns))
+            self._tell(out, now_s, mission.set_route(places_N, stamp_ns))
         else:
-            goal = Goal(stamp_ns=order.stamp_ns, position_N=places_N[0])
+            goal = Goal(stamp_ns=stamp_ns, position_N=places_N[0])
             self._tell(out, now_s, mission.set_goal(goal))
 
     def _follow_frames(self, odometry: Odometry, out: Outputs, now_s: float) -> None:

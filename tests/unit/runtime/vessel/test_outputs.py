@@ -12,7 +12,7 @@ from twinscrew.runtime.bus.base import MemoryBus, Received
 from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS, type_store
-from twinscrew.runtime.messages.types import Decision
+from twinscrew.runtime.messages.types import Decision, Tracks
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.recording.recording import DecisionHash
 from twinscrew.runtime.safety.events import LIDAR_STALE, OVERRUN
@@ -23,6 +23,7 @@ from twinscrew.runtime.vessel.outputs import (
     Publisher,
     SailedPath,
     Taken,
+    situation_shapes,
 )
 
 OUTPUTS = ("decision", "objects", "tracks", "diagnostics", "thrust_left", "thrust_right")
@@ -73,7 +74,7 @@ def test_what_is_published_is_recorded_with_the_clocks_time() -> None:
     publisher.publish(outputs(messages=[Taken("points", b"scan")], decision=decide()))
     assert book.pages[0] == ("points", b"scan", 7)
     assert [topic for topic, *_ in book.pages[1:]] == [
-        "decision", "objects", "tracks", "thrust_left", "thrust_right"
+        "decision", "objects", "tracks", "situation", "thrust_left", "thrust_right"
     ]  # fmt: skip
 
 
@@ -248,3 +249,30 @@ def test_markers_and_path_are_in_the_frames_of_the_odometry() -> None:
             message = type_store().deserialize_cdr(payload, TOPICS[topic].ros_type)
             named[topic] = (message.markers[0] if topic != "path" else message).header.frame_id
     assert named == {"path": "map", "objects": "wamv/base_link", "tracks": "map"}
+
+
+def test_goals_buoys_and_the_zones_of_vessels_under_way_are_drawn_twice_a_second() -> None:
+    tracks = Tracks(
+        stamp_ns=0,
+        id=np.array([7, 8, 9]),
+        p_N=np.array([[10.0, 0.0], [20.0, 5.0], [40.0, 0.0]]),
+        v_N=np.array([[0.1, 0.0], [0.0, 2.0], [0.0, 0.0]]),  # a buoy, a vessel going east, a quay
+        radius=np.array([0.5, 2.5, 15.0]),
+        covariance=np.zeros((3, 4, 4)),
+        age_s=np.zeros(3),
+    )
+    goals_N = np.array([[50.0, 0.0], [60.0, 10.0]])
+    drawn = {(s.namespace, s.number): s for s in situation_shapes(tracks, goals_N)}
+    assert set(drawn) == {
+        ("goals", 0), ("goals", 1), ("buoys", 7), ("head_on", 8), ("crossing", 8)
+    }  # fmt: skip
+    ahead = drawn["head_on", 8].points_N - (20.0, 5.0)
+    assert ahead[:, 1].max() == pytest.approx(17.0)  # along its velocity: east
+    to_port = drawn["crossing", 8].points_N - (20.0, 5.0)
+    assert to_port[:, 0].max() == pytest.approx(17.0)  # of a vessel going east: north
+    book = Book()
+    publisher = Publisher(None, book, clock_ns=lambda: 7)
+    for k in range(11):
+        made = replace(decide(), tracks=replace(tracks, stamp_ns=k * 100_000_000))
+        publisher.publish(outputs(decision=made, goals_N=goals_N))
+    assert [topic for topic, *_ in book.pages].count("situation") == 3
