@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -95,8 +96,8 @@ class Vrx:
         self._thrust = np.zeros((len(names), 2))
         self._odometry: list[Odometry] = []
         for vessel, own in enumerate(self._buses):
-            own.subscribe("thrust_left", lambda m, v=vessel: self._take(v, 0, m))
-            own.subscribe("thrust_right", lambda m, v=vessel: self._take(v, 1, m))
+            own.subscribe("thrust_left", partial(self._take, vessel, 0))
+            own.subscribe("thrust_right", partial(self._take, vessel, 1))
         self._log = TrajectoryLog()
         self._store = type_store()
 
@@ -211,7 +212,7 @@ class Vrx:
         name = self._world.scenario.names[vessel]
         count = len(cloud.points_S)
         points = np.zeros(count, POINT)
-        points["xyz"] = cloud.points_S * np.float32((1, -1, -1))
+        points["xyz"] = cloud.points_S * np.array((1, -1, -1), np.float32)
         points["intensity"] = 0.0 if cloud.intensity is None else cloud.intensity
         points["ring"] = 0 if cloud.ring is None else cloud.ring
         rows = 1 if cloud.ring is None or not count else int(cloud.ring.max()) + 1

@@ -224,7 +224,7 @@ class Frames:
             x_pc = _pose(edge)
             parent, child = same.get(edge.parent, edge.parent), same.get(edge.child, edge.child)
             ways.setdefault(parent, []).append((child, x_pc))
-            x_cp: Array = np.linalg.inv(x_pc)
+            x_cp: Array = np.asarray(np.linalg.inv(x_pc), dtype=np.float64)
             ways.setdefault(child, []).append((parent, x_cp))
         reached, waiting = {self.world: np.eye(4)}, deque([self.world])
         while waiting:
