@@ -20,7 +20,7 @@ from twinscrew.runtime.link.ardupilot.parameters import GCS_ID, OTHER_NAMES, Par
 from twinscrew.runtime.link.ardupilot.settings import AutopilotSettings
 from twinscrew.runtime.link.ardupilot.thrust import RELEASED, STOP, LettingGo, Pair, Thrust, paddles
 from twinscrew.runtime.link.transport import Transport, await_transport, reopening
-from twinscrew.runtime.mavlink import Message, Signing, Wire, read_key
+from twinscrew.runtime.mavlink import Message, Refusal, Signing, Wire, read_key
 from twinscrew.runtime.messages.types import HealthEvent, Odometry, Severity
 from twinscrew.runtime.safety.events import (
     ARMING_REFUSED,
@@ -74,6 +74,10 @@ class AutopilotStatus:
     """[-] Frames refused so far: damaged, or not signed as they should be."""
     old_frames: int
     """[-] Frames of MAVLink 1 that came; ArduPilot sends them until it hears MAVLink 2."""
+    refusal: Refusal | None
+    """Why most of the refused frames of the autopilot were refused, if they were whole."""
+    hears_signed: bool
+    """Whether it signs what it sends."""
     parameters_wrong: tuple[str, ...]
     """Words about each parameter that is not what it must be."""
     parameters_unsafe: tuple[str, ...]
@@ -104,7 +108,9 @@ Holding = dict[EventKind, str]
 """The conditions that hold now, each with its detail in plain words."""
 
 
-TOLD_AGAIN = frozenset({MODE_TAKEN, PARAMETERS_WRONG, PARAMETERS_UNSAFE, OVERRIDE_IGNORED})
+TOLD_AGAIN = frozenset(
+    {MODE_TAKEN, PARAMETERS_WRONG, PARAMETERS_UNSAFE, OVERRIDE_IGNORED, ARMING_REFUSED}
+)
 """Conditions whose words matter: an event follows whenever they change."""
 
 
@@ -197,8 +203,10 @@ def _silence(status: AutopilotStatus) -> str:
         return f"last message {status.message_age_s:.1f} s ago"
     if status.old_frames:
         return "it speaks MAVLink 1: set SERIALx_PROTOCOL to 2"
+    if status.refusal is not None:
+        return f"its frames are refused: {status.refusal.value}"
     if status.bad_frames:
-        return f"{status.bad_frames} frames refused: damaged, or signed with another key"
+        return f"{status.bad_frames} frames refused: damaged"
     return "nothing heard yet"
 
 
@@ -363,6 +371,11 @@ class AutopilotLink:
         self._outbox.append(commands.disarm(self.settings.system_id))
 
     @property
+    def signs(self) -> bool:
+        """Whether we sign what we send, and refuse what is not signed."""
+        return self.wire.signs
+
+    @property
     def odometry(self) -> Odometry | None:
         """The newest odometry made of the autopilot's messages; None if there is none."""
         return self._listener.odometry.newest
@@ -385,6 +398,7 @@ class AutopilotLink:
     def status(self) -> AutopilotStatus:
         """What is known, as of the last call."""
         listener, authority = self._listener, self._listener.authority
+        refused = self.wire.refused
         return AutopilotStatus(
             connected=listener.connected(self._now_s),
             armed=authority.armed,
@@ -399,6 +413,8 @@ class AutopilotLink:
             heartbeat_age_s=self._now_s - listener.heartbeat_s,
             bad_frames=self.wire.bad_frames,
             old_frames=self.wire.old_frames,
+            refusal=max(refused, key=refused.__getitem__) if refused else None,
+            hears_signed=self.wire.hears_signed,
             parameters_wrong=listener.parameters.wrong,
             battery_v=listener.battery[0],
             battery_percent=listener.battery[1],
