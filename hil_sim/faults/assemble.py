@@ -33,7 +33,12 @@ def faulty_crew(
         What messages' fates are drawn from.
     """
     rigs = [
-        Rig(vessel, config.autopilot.system_id, lambda: world.time_s)
+        Rig(
+            vessel,
+            config.autopilot.system_id,
+            lambda: world.time_s,
+            by_topic=config.autopilot.kind == "thrust",
+        )
         for vessel, config in enumerate(configs)
     ]
 
