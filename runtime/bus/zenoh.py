@@ -27,7 +27,7 @@ from twinscrew.runtime.bus.base import (
     source_time_ns,
 )
 from twinscrew.runtime.errors import BusError, ConfigError, one_of
-from twinscrew.runtime.files import read_file
+from twinscrew.runtime.files import read_file, require_private
 from twinscrew.runtime.messages.topics import (
     TOPICS,
     KeyFormat,
@@ -37,7 +37,6 @@ from twinscrew.runtime.messages.topics import (
     rmw_type,
     ros_name,
 )
-from twinscrew.runtime.permissions import require_private
 from twinscrew.runtime.settings import Positive, Settings
 
 # -- Zenoh's configuration, made from settings; nothing beyond this machine unless asked for.

@@ -82,6 +82,7 @@ class SteppedRuntime:
         if topic not in self._inputs:
             return b""
         self._now_s = now_s
+        self.publisher.came(topic, payload)
         begin_ns = time.perf_counter_ns()
         out, explanation = self.vessel.handle(Received(topic, payload, 0), now_s), None
         if out.decision is not None:

@@ -115,6 +115,7 @@ class Publisher:
         self._path = SailedPath()
         self._state_ns: int | None = None
         self._drawn_ns: int | None = None
+        self._came: bytes | None = None
         self._recorder_losses, self._bus_losses = Losses(), Losses()
         self.has_listeners = bus is not None or recorder is not None
         """Whether anything is published or recorded."""
@@ -123,6 +124,11 @@ class Publisher:
     def sha256(self) -> str:
         """SHA-256 over the encoded decisions so far."""
         return self._hash.hexdigest()
+
+    def came(self, topic: str, payload: bytes) -> None:
+        """Record a message before it is handled: what brings a runtime down is in its recording."""
+        self._record(topic, payload)
+        self._came = payload
 
     def publish(self, out: Outputs, explanation: Explanation | None = None) -> None:
         """Publish and record what came of a message or a tick, and why it was so decided."""
@@ -177,7 +183,7 @@ class Publisher:
             return
         if taken.made_here:
             self._put(taken.topic, taken.payload)
-        else:
+        elif taken.payload is not self._came:
             self._record(taken.topic, taken.payload)
         if isinstance(taken.message, Odometry):
             self._transforms(taken.message)

@@ -106,6 +106,7 @@ class Loop:
     def _compute(self, message: Received) -> None:
         if message.topic == "points" and self._vessel.follows_autopilot:
             self._read_autopilot(self._clock())  # a scan wants the newest odometry
+        self._publisher.came(message.topic, message.payload)
         out, explanation = self._vessel.handle(message, self._clock()), None
         if message.topic in self._vessel.link.topics:
             self._publisher.thrust(out.thrust)

@@ -195,7 +195,7 @@ class Vessel:
         """Look at the inputs' ages and the autopilot, serve ground stations, command the thrust."""
         out = Outputs()
         self._look(now_s)
-        stamp_ns = self.stamp_ns
+        stamp_ns = self.inputs.latest_ns
         link_events = (replace(event, stamp_ns=stamp_ns) for event in self.link.events(now_s))
         out.events += (*self._watchdog.check(now_s, stamp_ns), *link_events)
         self.note(tuple(out.events), now_s)
@@ -253,14 +253,14 @@ class Vessel:
         try:
             self._handlers[topic](taken, out, now_s)
         except MessageError as error:
-            self._tell(out, now_s, BAD_MESSAGE.at(self.stamp_ns, f"{topic}: {error}"))
+            self._tell(out, now_s, BAD_MESSAGE.at(self.inputs.latest_ns, f"{topic}: {error}"))
         except Exception as error:  # must stop the boat, not the loop
             self._fault = True
             self.pipeline.reset()
             if topic in SENSED and self._estimator is not None:
                 self._estimator.restart()
             detail = f"{topic}: {type(error).__name__}: {error}"
-            self._tell(out, now_s, INTERNAL_ERROR.at(self.stamp_ns, detail))
+            self._tell(out, now_s, INTERNAL_ERROR.at(self.inputs.latest_ns, detail))
 
     def _scan(self, taken: Taken, out: Outputs, now_s: float) -> None:
         taken.message = cloud = cdr.decode_point_cloud(taken.payload)
@@ -301,7 +301,7 @@ class Vessel:
         try:
             payload, odometry = cdr.encode_odometry(odometry), as_read_back(odometry)
         except MessageError as error:
-            self._tell(out, now_s, BAD_MESSAGE.at(self.stamp_ns, f"odometry: {error}"))
+            self._tell(out, now_s, BAD_MESSAGE.at(self.inputs.latest_ns, f"odometry: {error}"))
             return
         self._take(Taken("odometry", payload, odometry, made_here=True), out, now_s)
 
@@ -386,7 +386,7 @@ class Vessel:
         """Note who drives: an input of the decisions like any other, so it is recorded."""
         if engaged == self.engaged:
             return
-        message = Engagement(stamp_ns=self.stamp_ns, engaged=engaged)
+        message = Engagement(stamp_ns=self.inputs.latest_ns, engaged=engaged)
         payload = cdr.encode_engagement(message)
         self.engaged = engaged
         out.messages.append(Taken("engagement", payload, message, made_here=True))
@@ -397,11 +397,11 @@ class Vessel:
         On inputs that are too old the thrust is neutral, and nothing is asked of the autopilot,
         whatever the last `tick` found.
         """
-        out.thrust, tripped = self._guard.check(self.thrust, self.stamp_ns)
+        out.thrust, tripped = self._guard.check(self.thrust, self.inputs.latest_ns)
         if tripped is not None:
             self._fault = True  # neutral until the next decision
             self._tell(out, now_s, tripped)
-        nothing_to_do = self.state is State.READY and self.pipeline.mission.target is None
+        nothing_to_do = self.health.state is State.READY and self.pipeline.mission.target is None
         wanted = None if nothing_to_do else out.thrust
         asks = not self._inputs_too_old
         out.autopilot = self.link.command(wanted, now_s) + self.link.tick(now_s, may_ask=asks)

@@ -80,7 +80,7 @@ def test_keys_that_differ_are_named_and_no_cable_is_blamed(theirs, ours, found, 
     link = AutopilotLink(AutopilotSettings(), signing=signing[1])
     for k in range(40):
         said = pilot.step(k * 0.05)
-        if ours is None or link.recognises(said):  # as a listening UDP port looks
+        if ours is None or link.wire.recognises(said):  # as a listening UDP port looks
             link.receive(said, k * 0.05)
         pilot.receive(link.command(None, k * 0.05) + link.tick(k * 0.05), k * 0.05)
     line = judge_autopilot(link)[0]
