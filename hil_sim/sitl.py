@@ -24,7 +24,7 @@ from twinscrew.hil_sim.sitl_voyages import (
 )
 from twinscrew.hil_sim.supervisor import Result
 from twinscrew.hil_sim.viewer.scene import OutcomeLog
-from twinscrew.hil_sim.world import World, WorldSettings, make_world
+from twinscrew.hil_sim.world import EPOCH_NS, World, WorldSettings, make_world
 from twinscrew.runtime.errors import ConfigError
 
 __all__ = ["SitlReport", "SitlSettings", "sail"]
@@ -82,7 +82,9 @@ def sail(
 
 
 def _world(scenario: Scenario, settings: SitlSettings) -> World:
-    return make_world(scenario, sensor=settings.sensor, seed=settings.seed)
+    """Give the simulated world; in real time its stamps are those of this machine's clock."""
+    epoch_ns = EPOCH_NS if settings.lockstep else time.time_ns()
+    return make_world(scenario, sensor=settings.sensor, seed=settings.seed, epoch_ns=epoch_ns)
 
 
 def _vrx_world(scenario: Scenario, settings: SitlSettings) -> World:

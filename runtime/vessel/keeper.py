@@ -11,7 +11,6 @@ from __future__ import annotations
 import os
 import select
 import signal
-import subprocess
 import sys
 import time
 from contextlib import suppress
@@ -48,12 +47,8 @@ class Keeper:
         quiet = msgspec.structs.replace(bus, node="", listen=())
         self._words = msgspec.json.encode(_Watch(quiet, name)) + b"\n"
         self._looked_s = time.monotonic()
-        self._process = self._started()
-
-    @property
-    def pid(self) -> int:
+        self.pid = self._started()
         """The process's id."""
-        return self._process.pid
 
     def alive(self, now_s: float) -> str | None:
         """Tell it that the runtime lives; give a word if it had ended and was started again."""
@@ -62,23 +57,26 @@ class Keeper:
         if now_s - self._looked_s < LOOK_EVERY_S:
             return None
         self._looked_s = now_s
-        status = self._process.poll()
-        if status is None:
+        ended, status = os.waitpid(self.pid, os.WNOHANG)
+        if not ended:
             return None
         os.close(self._pipe)
-        self._process = self._started()
-        return f"it had ended with status {status}"
+        self.pid = self._started()
+        return f"it had ended with status {os.waitstatus_to_exitcode(status)}"
 
     def close(self) -> None:
         """Let it see the runtime's end; it goes on by itself for a while."""
         os.close(self._pipe)
 
-    def _started(self) -> subprocess.Popen[bytes]:
+    def _started(self) -> int:
+        """Start it, and give its id. It outlives us, so that nobody waits for its end."""
         theirs, self._pipe = os.pipe()
         os.set_blocking(self._pipe, False)
         os.write(self._pipe, self._words)
+        words = [sys.executable, "-m", __name__]
+        as_input = (os.POSIX_SPAWN_DUP2, theirs, 0)
         try:
-            return subprocess.Popen([sys.executable, "-m", __name__], stdin=theirs)
+            return os.posix_spawn(sys.executable, words, os.environ, file_actions=[as_input])
         finally:
             os.close(theirs)
 

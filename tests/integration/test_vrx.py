@@ -255,12 +255,17 @@ def test_a_session_like_a_ros_2_nodes_joins_simulated_boats(tmp_path: Path) -> N
         zenoh.open(config) as node,
     ):
         decisions = key(TOPICS["decision"], "wamv1", "rmw_zenoh", domain=3)
-        handler = zenoh.handlers.Callback(
-            lambda sample: heard.append(sample.attachment.to_bytes()), indirect=False
-        )
+        stamps_ns: list[int] = []
+
+        def hear(sample: zenoh.Sample) -> None:
+            stamps_ns.append(cdr.decode_decision(sample.payload.to_bytes()).stamp_ns)
+            heard.append(sample.attachment.to_bytes())
+
+        handler = zenoh.handlers.Callback(hear, indirect=False)
         listener = node.declare_subscriber(decisions, handler)
         wait_until(lambda: len(heard) > 5)
         assert {len(attached) for attached in heard} == {33}
+        assert abs(stamps_ns[-1] - time.time_ns()) < 60e9  # the time at which it was made
         tokens = node.liveliness().get("@ros2_lv/3/**")
         graph = {
             str(reply.ok.key_expr).split("/")[9]
