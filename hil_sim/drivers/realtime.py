@@ -39,7 +39,7 @@ from twinscrew.runtime.safety.events import (
     OF_THE_AUTOPILOT,
 )
 from twinscrew.runtime.senses.nmea import NmeaSettings
-from twinscrew.runtime.senses.table import topics_of
+from twinscrew.runtime.senses.table import sense_topics
 from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
 
 
@@ -212,6 +212,7 @@ class RealtimeCrew:
         fleet: Fleet | None = None,
         tell: Callable[[str], None] | None = None,
         reroute: Callable[[int, int], int] | None = None,
+        zenoh: ZenohSettings | None = None,
     ) -> None:
         """Prepare the crew.
 
@@ -228,6 +229,8 @@ class RealtimeCrew:
         reroute
             Gives the port to which a vessel's runtime connects, of its index and the simulator's
             port: somebody may stand between them.
+        zenoh
+            The simulator's Zenoh, which listens at one port of this machine; any by default.
         """
         self._configs = configs
         self._folders = folders
@@ -237,6 +240,9 @@ class RealtimeCrew:
         )
         self._tell = tell
         self._reroute = reroute or (lambda _vessel, port: port)
+        self._zenoh = zenoh or ZenohSettings(
+            listen=(f"tcp/{LOOPBACK}:{free_port()}",), connect=(), node="simulator"
+        )
         self._buses: list[ZenohBus] = []
         self._runtimes: list[RuntimeProcess] = []
         self._engaged = [False] * len(configs)
@@ -251,14 +257,11 @@ class RealtimeCrew:
         """[s] The most that simulated time fell behind the clock."""
 
     def __enter__(self) -> Self:
-        port = free_port()
-        endpoint = f"tcp/{LOOPBACK}:{port}"
+        (self.endpoint,) = self._zenoh.listen
+        port = int(self.endpoint.rpartition(":")[2])
         names = [config.name for config in self._configs]
         try:
-            self.endpoint = endpoint
-            bus = ZenohBus(
-                ZenohSettings(listen=(endpoint,), connect=(), node="simulator"), names[0]
-            )
+            bus = ZenohBus(self._zenoh, names[0])
             self._buses = [bus.within(name) for name in names]
             for vessel in range(len(self._configs)):
                 self._listen_to(vessel)
@@ -379,7 +382,7 @@ class RealtimeCrew:
         )
         bus = msgspec.structs.replace(config.bus, connect=(f"tcp/{LOOPBACK}:{port}",))
         senses = config.senses
-        if "nmea" in topics_of(senses):
+        if "nmea" in sense_topics(senses):
             port = free_port()
             self._nmea[vessel] = UdpTransport(LOOPBACK, port, listens=False)
             receiver = NmeaSettings(connections=(f"udpin:{LOOPBACK}:{port}",))

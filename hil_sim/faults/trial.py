@@ -61,7 +61,8 @@ def try_out(
     world = make_world(scenario, sensor=SENSOR, seed=seed)
     folders = [folder / plan.name for plan in plans]
     configs = [
-        config_of(scenario.names[i], i + 1, folders[i], hears=hears[i]) for i in range(len(plans))
+        config_of(scenario.names[i], i + 1, folders[i], plan.autopilot, hears=hears[i])
+        for i, plan in enumerate(plans)
     ]
     receivers = MarineSettings(ais=AisTransponders(own_vessels=False, loss=0.0))
     marine = MarineSensors(world, receivers, DATUM) if any(hears) else None
@@ -70,13 +71,17 @@ def try_out(
     return list(verdicts(crew, plans, folders).values())
 
 
-def config_of(name: str, system_id: int, folder: Path, *, hears: bool = False) -> RuntimeConfig:
+def config_of(
+    name: str, system_id: int, folder: Path, kind: str = "ardupilot", *, hears: bool = False
+) -> RuntimeConfig:
     """Give the configuration of a vessel whose troubles are watched; `hears`: it has AIS."""
     ais = AisSettings(datum=DATUM, own_mmsi=OWN_MMSI) if hears else None
     return RuntimeConfig(
         name=name,
         sensor=SENSOR,
-        autopilot=AutopilotSettings(system_id=system_id, arm=True, receiver_fitted=False),
+        autopilot=AutopilotSettings(
+            kind=kind, system_id=system_id, arm=True, receiver_fitted=False
+        ),
         senses=SensesSettings(ais=ais),
         recording=RecordingSettings(folder=str(folder)),
     )

@@ -35,7 +35,7 @@ def fitted(settings: SensesSettings) -> dict[str, SenseSettings]:
     return {name: value for name, value in values.items() if isinstance(value, SenseSettings)}
 
 
-def topics_of(settings: SensesSettings) -> tuple[str, ...]:
+def sense_topics(settings: SensesSettings) -> tuple[str, ...]:
     """Give the topics that the sensors listen to, each once."""
     return tuple(dict.fromkeys(each.topic for each in fitted(settings).values()))
 

@@ -20,7 +20,7 @@ from twinscrew.runtime.messages.topics import TOPICS, type_store
 from twinscrew.runtime.messages.types import Odometry, PointCloud
 from twinscrew.runtime.senses.ais import Ais, AisSettings
 from twinscrew.runtime.senses.sense import NOTHING, Heard, Sense, SenseSettings
-from twinscrew.runtime.senses.table import SensesSettings, fitted, make_senses, topics_of
+from twinscrew.runtime.senses.table import SensesSettings, fitted, make_senses, sense_topics
 from twinscrew.runtime.settings import convert
 from twinscrew.runtime.tracking.detections import SourceSettings, positions
 from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
@@ -217,7 +217,7 @@ def test_two_sensors_share_a_topic():
         {"ais": {"datum": {"latitude_deg": 1.0, "longitude_deg": 2.0}}, "ttm": {}}, SensesSettings
     )
     assert list(fitted(both)) == ["ais", "ttm"]
-    assert topics_of(both) == ("nmea",)
+    assert sense_topics(both) == ("nmea",)
     assert len(make_senses(both)["nmea"]) == 2
 
 
