@@ -158,8 +158,8 @@ def _beams_of(points_S: Float32) -> NDArray[np.int64]:
     row = np.abs(np.arctan2(-z, np.hypot(x, y))[:, None] - SENSOR.elevations).argmin(axis=1)
     first, step = SENSOR.azimuths[0], SENSOR.azimuths[1] - SENSOR.azimuths[0]
     column = np.rint(np.remainder((np.arctan2(y, x) - first) * np.sign(step), math.tau) / abs(step))
-    at = column.astype(np.int64) % SENSOR.columns.count
-    beams: NDArray[np.int64] = np.asarray(row * SENSOR.columns.count + at, dtype=np.int64)
+    columns = SENSOR.columns.count
+    beams: NDArray[np.int64] = row * columns + column.astype(np.int64) % columns
     return beams
 
 
