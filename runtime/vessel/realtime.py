@@ -18,12 +18,12 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Final, ParamSpec, TypeVar
 
-from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.bus.base import Inbox, Received
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import ConfigError, LinkError
 from twinscrew.runtime.link.transport import Transport, await_transport, reopening
 from twinscrew.runtime.messages.types import HealthEvent
+from twinscrew.runtime.recording.recorder import Recorder
 from twinscrew.runtime.safety.events import (
     FILES_APPROVED,
     INTERNAL_ERROR,

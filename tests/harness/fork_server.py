@@ -19,7 +19,7 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-MODULE = "twinscrew.runtime.app"
+MODULE = "twinscrew.runtime.cli"
 PACKAGES = ("numpy", "msgspec", "typer", "zenoh", "scipy.stats", "matplotlib.pyplot")
 """What most commands load; none may start a thread by that, as onnxruntime does: forks lose it."""
 LEARNING = ("train", "export")
@@ -79,7 +79,7 @@ def _serve(line: socket.socket) -> None:
     """Fork for each request; return in the process that shall become the command."""
     for name in PACKAGES:
         importlib.import_module(name)
-    from twinscrew.runtime.app.cli import find_command
+    from twinscrew.runtime.cli.main import find_command
 
     while True:
         data, files, _, _ = socket.recv_fds(line, GREATEST_B, 2)

@@ -1,0 +1,56 @@
+"""`twinscrew run`: one vessel's runtime, as it is deployed on the boat."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from twinscrew.runtime.vessel import one_thread  # noqa: F401  (before anything loads a library)
+
+# isort: split
+from twinscrew.runtime.vessel.approval import load_approved
+from twinscrew.runtime.vessel.process import StopRequest, at_end_of_input, take_priority
+
+
+def run(
+    config: Annotated[Path, typer.Option(help="The vessel's TOML file; see config/runtime.toml.")],
+    manifest: Annotated[
+        Path | None, typer.Option(help="Read only files that agree with this manifest.")
+    ] = None,
+    public_key: Annotated[
+        Path | None, typer.Option(help="The minisign key that must have signed the manifest.")
+    ] = None,
+    tethered: Annotated[
+        bool, typer.Option("--tethered", help="Stop, too, when standard input ends.")
+    ] = False,
+) -> None:
+    """Run one vessel's runtime until it is told to stop (SIGINT or SIGTERM)."""
+    approved = load_approved(config, manifest, public_key)
+    stop = StopRequest()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, stop.make)
+    if tethered:
+        at_end_of_input(stop.make)
+    settings = approved.config
+    refused = take_priority(settings.priority)
+    for words in refused:
+        _say(settings.name, f"ordinary priority: {words}")
+    from twinscrew.runtime.vessel.realtime import run_vessel  # Zenoh, after the priority
+
+    summary = run_vessel(
+        settings,
+        source=config,
+        stop=stop,
+        refused=refused,
+        approval=str(approved.approval or ""),
+        ready=lambda: _say(settings.name, "running"),
+    )
+    _say(settings.name, f"{summary.decisions} decisions, stopped")
+
+
+def _say(name: str, words: str) -> None:
+    print(f"{name}: {words}", file=sys.stderr, flush=True)
