@@ -30,7 +30,7 @@ test: setup-dev $(VENV)/.browser  ## run the test suite; those in real time last
 	$(PYTEST) -m "not realtime and not nightly"
 	$(BIN)/pytest -m "realtime and not nightly"
 
-test-fast: setup-dev  ## run the tests that take less than half a second each
+test-fast: setup-dev  ## run the tests that take less than a second each
 	$(PYTEST) -m "not slow and not realtime and not nightly"
 
 test-nightly: setup-dev $(VENV)/.browser  ## run everything, with new examples, and check the tiers

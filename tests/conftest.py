@@ -19,7 +19,7 @@ import hypothesis
 import pytest
 from tests.harness.commands import fork_server
 
-FAST_S, SLOW_S = 0.5, 12.0
+FAST_S, SLOW_S = 1.0, 20.0
 """[s] Of processor, the processes included that a test has started and waited for."""
 NOISE = 3.0
 """[-] A test is in the wrong tier if it takes so many times that much processor, or"""

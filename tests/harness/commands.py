@@ -15,7 +15,7 @@ from typing import Any
 
 from tests.harness.fork_server import MODULE, ForkServer
 
-GIVE_UP_S = 120
+GIVE_UP_S = 250
 """[s] A command that hangs must not hang the tests; far beyond what any takes."""
 TWINSCREW = (sys.executable, "-m", MODULE)
 AT_START = ("PYTHON", "OMP_", "OPENBLAS_", "_TWINSCREW", "COMP_")

@@ -21,6 +21,8 @@ from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.recording.recording import find_recordings
 
+pytestmark = pytest.mark.slow
+
 REPOSITORY = Path(__file__).parents[2]
 REAL = os.environ.get("ARDUROVER", "")
 PEER = f"""#!/bin/sh
@@ -76,7 +78,6 @@ def sail(binary: Path, out: Path, *words: object):
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("odometry", ["bus", "autopilot"])
 def test_two_vessels_sail_on_their_ardupilots_and_arrive(ardurover, odometry, tmp_path) -> None:
     words = ("--vessels", 2, "--buoys", 1, "--seed", 1, "--odometry", odometry)

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from tests.harness.commands import TWINSCREW
 
+pytestmark = pytest.mark.slow
+
 PATIENCE_S = 60.0
 """[s] Far beyond what anything here takes: what hangs must not hang the tests."""
 

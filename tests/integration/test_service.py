@@ -9,6 +9,8 @@ import time
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 WATCHDOG_S = 1.0
 PATIENCE_S = 30.0
 

@@ -12,6 +12,8 @@ from twinscrew.training.logs import Progress
 from twinscrew.training.settings import Phase, load_training
 from twinscrew.training.train import Training, train
 
+pytestmark = pytest.mark.slow
+
 FILES = sorted((CONFIG_DIR / "training").rglob("*.toml"))
 
 

@@ -11,6 +11,8 @@ from tests.harness.waiting import wait_until
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.drivers.processes import free_port
 
+pytestmark = pytest.mark.slow
+
 HOST = "127.0.0.1"
 STRANGER = (b"12345", b"\xfd" * 5)
 

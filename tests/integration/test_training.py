@@ -19,6 +19,8 @@ from twinscrew.training.scenarios import six_settings
 from twinscrew.training.settings import load_training
 from twinscrew.training.train import Training, train
 
+pytestmark = pytest.mark.slow
+
 CONFIG = """
 parallel_episodes = 8
 warm_up = 200

@@ -21,6 +21,8 @@ from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import BusError, ConfigError
 from twinscrew.runtime.messages import cdr
 
+pytestmark = pytest.mark.slow
+
 PATIENCE_S = 30.0
 
 

@@ -59,6 +59,7 @@ def test_the_score_tells_quays_and_ships_under_way_apart(body: Body) -> None:
     }
 
 
+@pytest.mark.slow
 def test_with_the_outline_quays_stand_and_ships_are_as_fast_as_without(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

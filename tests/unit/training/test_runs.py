@@ -81,6 +81,7 @@ def test_a_place_that_cannot_be_a_directory_is_refused(tmp_path):
         pass
 
 
+@pytest.mark.slow
 def test_the_lock_of_a_killed_process_is_free(tmp_path):
     code = (
         "import os, sys; from pathlib import Path; from twinscrew.training import runs\n"

@@ -312,6 +312,7 @@ def broken(rig: Rig, monkeypatch: pytest.MonkeyPatch, where: str) -> list[float]
     return raised
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", [*STAGES, *ENCODERS])
 def test_whatever_raises_stops_the_propellers_is_named_and_does_not_end_the_loop(
     where: str, monkeypatch: pytest.MonkeyPatch
