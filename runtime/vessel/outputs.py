@@ -52,13 +52,15 @@ class Taken:
     """The same, decoded; None if it could not be read, or nobody needs it."""
     made_here: bool = False
     """Whether nobody else publishes it: the vessel's own odometry, engagement."""
+    recorded: bool = False
+    """Whether the driver recorded it as it came, before it was handled."""
 
 
 @dataclass(slots=True)
 class Outputs:
     """What came of a message, or of a tick."""
 
-    mavlink: bytes = b""
+    autopilot: bytes = b""
     """Bytes for the autopilot, to be sent first."""
     messages: list[Taken] = field(default_factory=list)
     """What was taken in, in this order."""
@@ -67,7 +69,7 @@ class Outputs:
     decision: Decision | None = None
     """The decision, if the message was a scan that could be used."""
     thrust: Float64 = field(default_factory=lambda: NEUTRAL)
-    """[N] (2,) What `mavlink` asks of the propellers, left and right."""
+    """[N] (2,) What `autopilot` asks of the propellers, left and right."""
 
 
 class Publisher:
@@ -111,6 +113,10 @@ class Publisher:
     def sha256(self) -> str:
         """SHA-256 over the encoded decisions so far."""
         return self._hash.hexdigest()
+
+    def came(self, topic: str, payload: bytes) -> None:
+        """Record a message before it is handled: what brings a runtime down is in its recording."""
+        self._record(topic, payload)
 
     def publish(self, out: Outputs, explanation: Explanation | None = None) -> None:
         """Publish and record what came of a message or a tick, and why it was so decided."""
@@ -165,7 +171,7 @@ class Publisher:
             return
         if taken.made_here:
             self._put(taken.topic, taken.payload)
-        else:
+        elif not taken.recorded:
             self._record(taken.topic, taken.payload)
         if isinstance(taken.message, Odometry):
             if self._recorder is not None and self._frames is not None:
