@@ -28,14 +28,14 @@ sitl: setup  ## sail 3 vessels across the paper's map, in wind and waves, in rea
 
 test: setup-dev $(VENV)/.browser  ## run the test suite; those in real time last, alone
 	$(PYTEST) -m "not realtime and not nightly"
-	$(BIN)/pytest -m "realtime and not nightly"
+	$(BIN)/pytest tests/integration -m "realtime and not nightly"
 
 test-fast: setup-dev  ## run the tests that take less than a second each
 	$(PYTEST) -m "not slow and not realtime and not nightly"
 
 test-nightly: setup-dev $(VENV)/.browser  ## run everything, with new examples, and check the tiers
 	HYPOTHESIS_PROFILE=wide $(PYTEST) -m "not realtime" --tiers --timeout 3000
-	$(BIN)/pytest -m realtime --timeout 3000
+	$(BIN)/pytest tests/integration -m realtime --timeout 3000
 
 check: format lint types imports docs test  ## everything that keeps us honest: format to tests
 

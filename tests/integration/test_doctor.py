@@ -15,7 +15,7 @@ from twinscrew.hil_sim.world import make_world
 from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.messages import cdr
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.realtime
 
 LISTEN_S = 3
 

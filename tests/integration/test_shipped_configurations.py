@@ -14,7 +14,14 @@ from twinscrew.training.train import Training, train
 
 pytestmark = pytest.mark.slow
 
-FILES = sorted((CONFIG_DIR / "training").rglob("*.toml"))
+FOLDER = CONFIG_DIR / "training"
+FILES = [
+    *sorted(FOLDER.glob("*.toml")),
+    *(
+        pytest.param(file, marks=pytest.mark.nightly)  # of one algorithm, and settings of its own
+        for file in sorted(FOLDER.rglob("*/*.toml"))
+    ),
+]
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
