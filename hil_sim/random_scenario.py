@@ -10,6 +10,7 @@ from msgspec import Meta
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from twinscrew.hil_sim.contacts import distance_to_box
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import NonNegative, Settings
@@ -133,13 +134,8 @@ def _draw_buoys(
 
 def from_quays(places_N: Float64, quays: Float64) -> Float64:
     """Give how far places, (n, 2), are from quays, (Q, 6), as (n, Q) [m]; 0 on them."""
-    offset = places_N[:, None] - quays[None, :, :2]
-    cos, sin = np.cos(quays[:, 5]), np.sin(quays[:, 5])
-    ahead = cos * offset[..., 0] + sin * offset[..., 1]
-    abeam = cos * offset[..., 1] - sin * offset[..., 0]
-    beyond = np.abs([ahead, abeam]) - quays[:, 2:4].T[:, None] / 2
-    away: Float64 = np.hypot(*np.maximum(beyond, 0.0))
-    return away
+    none = np.empty((len(places_N), 0))
+    return np.column_stack([none, *(distance_to_box(places_N, quay) for quay in quays)])
 
 
 def _min_distance(settings: RandomSettings, vessels: int) -> float:
