@@ -52,8 +52,6 @@ class Taken:
     """The same, decoded; None if it could not be read, or nobody needs it."""
     made_here: bool = False
     """Whether nobody else publishes it: the vessel's own odometry, engagement."""
-    recorded: bool = False
-    """Whether the driver recorded it as it came, before it was handled."""
 
 
 @dataclass(slots=True)
@@ -105,6 +103,7 @@ class Publisher:
         self._hash = DecisionHash()
         self._path = SailedPath()
         self._state_ns: int | None = None
+        self._came: bytes | None = None
         self._recorder_losses, self._bus_losses = Losses(), Losses()
         self.has_listeners = bus is not None or recorder is not None
         """Whether anything is published or recorded."""
@@ -117,6 +116,7 @@ class Publisher:
     def came(self, topic: str, payload: bytes) -> None:
         """Record a message before it is handled: what brings a runtime down is in its recording."""
         self._record(topic, payload)
+        self._came = payload
 
     def publish(self, out: Outputs, explanation: Explanation | None = None) -> None:
         """Publish and record what came of a message or a tick, and why it was so decided."""
@@ -171,7 +171,7 @@ class Publisher:
             return
         if taken.made_here:
             self._put(taken.topic, taken.payload)
-        elif not taken.recorded:
+        elif taken.payload is not self._came:
             self._record(taken.topic, taken.payload)
         if isinstance(taken.message, Odometry):
             if self._recorder is not None and self._frames is not None:

@@ -146,14 +146,12 @@ class Vessel:
     def handle(self, message: Received, now_s: float) -> Outputs:
         """Take in a message; a scan that can be used becomes a decision and a command.
 
-        Who records does so before (`Publisher.came`).
-
         It never raises on the message's content. A fault of the runtime itself is an
         `internal_error`, after which the surroundings are forgotten: the next scan starts afresh.
         """
         out = Outputs()
         self._look(now_s)
-        self._take(Taken(message.topic, message.payload, recorded=True), out, now_s)
+        self._take(Taken(message.topic, message.payload), out, now_s)
         if out.decision is not None:
             self._command(out, now_s)
         return out
