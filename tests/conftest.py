@@ -24,7 +24,7 @@ FAST_S, SLOW_S = 1.0, 20.0
 NOISE = 3.0
 """[-] A test is in the wrong tier if it takes so many times that much processor, or"""
 WAITING = 10.0
-"""[-] if it lasts so many times that long."""
+"""[-] at night, when nothing else is busy, if it lasts so many times that long."""
 
 # What a shell starts in the background ignores Ctrl-C, and so do all its children;
 # with a handler of our own, the programs that tests start and interrupt begin as in a terminal.
@@ -76,7 +76,8 @@ def pytest_runtest_makereport(
         processor_s, lasted_s = (
             end - begin for end, begin in zip(clocks(), item.stash[BEGAN], strict=True)
         )
-        if processor_s > NOISE * allowed_s or lasted_s > WAITING * allowed_s:
+        too_long = item.config.getoption("--tiers") and lasted_s > WAITING * allowed_s
+        if processor_s > NOISE * allowed_s or too_long:
             words = f"{processor_s:.1f} s of processor in {lasted_s:.1f} s; allowed {allowed_s} s"
             report.user_properties.append((OUTGROWN, words))
     return report
