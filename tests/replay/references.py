@@ -113,9 +113,8 @@ def record(folder: Path = FOLDER) -> None:
 def machine() -> dict[str, Any]:
     """Say what the bits may depend on, besides the source: processor, C library, packages."""
     words = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    flags = next(line for line in words if line.startswith(("flags", "Features"))).partition(": ")[
-        2
-    ]
+    line = next(line for line in words if line.startswith(("flags", "Features")))
+    flags = line.partition(":")[2].strip()
     return {
         "cpu": processor(),
         "cpu_flags_sha256": hashlib.sha256(flags.encode()).hexdigest(),
