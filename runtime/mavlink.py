@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.permissions import require_private
+from twinscrew.runtime.files import require_private
 
 # -- MAVLink 2 message signing: a shared 32-byte key, and a clock that only goes forward.
 #

@@ -18,7 +18,14 @@ from twinscrew.runtime.link.ardupilot.authority import mode_name
 from twinscrew.runtime.link.ardupilot.listener import Listener, Trials
 from twinscrew.runtime.link.ardupilot.parameters import GCS_ID, OTHER_NAMES, ParameterState
 from twinscrew.runtime.link.ardupilot.settings import AutopilotSettings
-from twinscrew.runtime.link.ardupilot.thrust import RELEASED, STOP, LettingGo, Pair, Thrust, paddles
+from twinscrew.runtime.link.ardupilot.thrust import (
+    RELEASED,
+    STOP,
+    ChannelRelease,
+    Pair,
+    Thrust,
+    paddles,
+)
 from twinscrew.runtime.link.transport import Transport, await_transport, reopening
 from twinscrew.runtime.mavlink import Message, Refusal, Signing, Wire, read_key
 from twinscrew.runtime.messages.types import HealthEvent, Odometry, Severity
@@ -245,7 +252,7 @@ class AutopilotLink:
         self.stations = stations
         self._listener = Listener(settings)
         self._conditions = Conditions()
-        self._letting_go = LettingGo()
+        self._release = ChannelRelease()
         self._trials = Trials()
         self._words = 0
         self._outbox: list[Message] = []
@@ -318,9 +325,9 @@ class AutopilotLink:
         self._first_command_s = min(self._first_command_s, now_s)
         if self._is_the_pilots(nothing_wanted=thrust is None):
             self._listener.obedience.reset()
-            pair = self._letting_go.let_go(now_s)
+            pair = self._release.let_go(now_s)
             return b"" if pair is None else self._override(pair)
-        self._letting_go.hold()
+        self._release.hold()
         acts = thrust is not None and self._engaged(now_s)
         pair = paddles(thrust, self.settings.paddles) if acts and thrust is not None else STOP
         if self._listener.authority.drives:

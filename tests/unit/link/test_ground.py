@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.harness.work import examples
 
-from twinscrew.runtime.ground.shown import (
+from twinscrew.runtime.ground.report import (
     SECTOR_RAD,
     SECTORS,
     named_value,
