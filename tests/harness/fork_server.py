@@ -16,6 +16,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -60,7 +61,8 @@ class ForkServer:
                 self._line, [json.dumps(request).encode()], [out.fileno(), err.fileno()]
             )
             self._line.settimeout(None)
-            pid = int(self._line.recv(100))
+            pid = int(self._line.recv(100) or "0")
+            assert pid, "the fork server has ended, and says why on standard error"
             self._line.settimeout(timeout_s)
             try:
                 status, processor_s = json.loads(self._line.recv(100))
@@ -87,9 +89,10 @@ def _serve(line: socket.socket) -> None:
             sys.exit(0)
         request = json.loads(data)
         for name in request["words"][:1]:
-            find_command(name)
-            if name in LEARNING:
-                importlib.import_module("torch")
+            with suppress(Exception):  # the command itself says what is wrong
+                find_command(name)
+                if name in LEARNING:
+                    importlib.import_module("torch")
         if len(list(Path("/proc/self/task").iterdir())) > 1:
             raise RuntimeError("a package that the fork server has loaded starts threads")
         gc.freeze()
