@@ -12,7 +12,7 @@ import pytest
 pytestmark = pytest.mark.slow
 
 WATCHDOG_S = 1.0
-PATIENCE_S = 30.0
+PATIENCE_S = 200.0
 
 
 @pytest.fixture

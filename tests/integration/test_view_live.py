@@ -23,7 +23,7 @@ from twinscrew.runtime.messages import cdr
 
 pytestmark = pytest.mark.slow
 
-PATIENCE_S = 30.0
+PATIENCE_S = 200.0
 
 
 @pytest.fixture(scope="module")
