@@ -83,12 +83,17 @@ def test_on_one_core_and_on_two(case: str, cores: int, expected: dict[str, str])
     assert elsewhere(case, MANY_THREADS, cores=cores) == expected[case]
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "case",
+    ["ac_iqn", *(pytest.param(one, marks=pytest.mark.nightly) for one in ("apf", "assured"))],
+)
 def test_while_the_machine_is_busy(case: str, expected: dict[str, str]) -> None:
     with busy_machine(processes=3):
         assert elsewhere(case) == expected[case]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_with_other_numbers_of_threads_in_the_numerical_libraries(
     case: str, expected: dict[str, str]

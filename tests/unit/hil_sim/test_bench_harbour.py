@@ -1,9 +1,6 @@
 import pytest
 
 from twinscrew.hil_sim.bench import harbour
-from twinscrew.runtime.perception.sensor import load_sensor
-
-SENSOR = load_sensor("vrx32")
 
 
 @pytest.mark.slow
