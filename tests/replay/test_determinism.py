@@ -15,6 +15,8 @@ from twinscrew.runtime.messages import cdr
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 MANY_THREADS = {"OMP_NUM_THREADS": "4", "OPENBLAS_NUM_THREADS": "4", "MKL_NUM_THREADS": "4"}
 
+AT_NIGHT = [pytest.param(case, marks=pytest.mark.nightly) for case in ("apf", "assured")]
+
 
 @pytest.fixture(scope="module")
 def expected() -> dict[str, str]:
