@@ -28,6 +28,7 @@ from twinscrew.hil_sim.sensors.marine import (
 from twinscrew.hil_sim.sitl import SitlSettings, sail
 from twinscrew.hil_sim.sitl_runtimes import DATUM
 from twinscrew.runtime.bus.base import Received
+from twinscrew.runtime.files import processor
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.recording.recorder import software
 from twinscrew.runtime.recording.recording import Recording, find_recordings
@@ -142,12 +143,10 @@ def _record(scenario: Scenario, settings: SitlSettings, kept: Path) -> None:
 def machine() -> dict[str, Any]:
     """Say what the bits may depend on, besides the source: processor, C library, packages."""
     words = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    facts = dict(
-        tuple(part.strip() for part in line.split(":", 1)) for line in words if ":" in line
-    )
-    flags = facts.get("flags", facts.get("Features", ""))
+    line = next(line for line in words if line.startswith(("flags", "Features")))
+    flags = line.partition(":")[2].strip()
     return {
-        "cpu": facts.get("model name", platform.processor()),
+        "cpu": processor(),
         "cpu_flags_sha256": hashlib.sha256(flags.encode()).hexdigest(),
         "architecture": platform.machine(),
         "libc": " ".join(platform.libc_ver()),
