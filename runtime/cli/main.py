@@ -37,6 +37,7 @@ SUMMARIES = {
     "soak": "Sail for long with faults at random, and look for what grows or breaks.",
     "view": "Show boats in a browser on this machine: under way, or from a recording.",
     "run": "Run one vessel's runtime: what is deployed on the boat.",
+    "send": "Give a boat goals, and let it drive: what `ros2 topic pub` does, without ROS 2.",
     "train": "Train policies in the fast environment.",
     "train-report": "Draw the learning curves of training runs.",
     "export": "Turn a training run's actor into a self-contained ONNX file.",

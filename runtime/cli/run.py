@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from msgspec.structs import replace
 
 from twinscrew.runtime.vessel import one_thread  # noqa: F401  (before anything loads a library)
 
 # isort: split
-from msgspec.structs import replace
 
 from twinscrew.runtime.vessel.approval import load_approved
 from twinscrew.runtime.vessel.consent import place_of, take
@@ -27,6 +27,12 @@ def run(
     public_key: Annotated[
         Path | None, typer.Option(help="The minisign key that must have signed the manifest.")
     ] = None,
+    arm: Annotated[
+        bool,
+        typer.Option(
+            "--arm", help="Consent to this run's driving, as autopilot.arm: it may turn propellers."
+        ),
+    ] = False,
     tethered: Annotated[
         bool, typer.Option("--tethered", help="Stop, too, when standard input ends.")
     ] = False,
@@ -42,6 +48,8 @@ def run(
     if tethered:
         at_end_of_input(stop.make)
     settings = approved.config
+    if arm:
+        settings = replace(settings, autopilot=replace(settings.autopilot, arm=True))
     refused = take_priority(settings.priority)
     for words in refused:
         _say(settings.name, f"ordinary priority: {words}")

@@ -28,6 +28,7 @@ from twinscrew.runtime.safety.events import (
     ARMING_WITHHELD,
     FILES_APPROVED,
     INTERNAL_ERROR,
+    KEEPER,
     LINK_DOWN,
     LINK_RESTORED,
     MESSAGES_MISSING,
@@ -36,7 +37,9 @@ from twinscrew.runtime.safety.events import (
     RECORDER,
     EventKind,
 )
-from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of, sensor_of
+from twinscrew.runtime.safety.guard import NEUTRAL
+from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
+from twinscrew.runtime.vessel.keeper import Keeper
 from twinscrew.runtime.vessel.outputs import Publisher
 from twinscrew.runtime.vessel.process import Garbage, ServiceManager
 from twinscrew.runtime.vessel.summary import Latencies, RunSummary, metadata_of, write_summary
@@ -62,6 +65,7 @@ class Loop:
         publisher: Publisher,
         *,
         rate_hz: float,
+        keeper: Keeper | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.latencies = Latencies()
@@ -76,6 +80,7 @@ class Loop:
         self._inbox = inbox
         self._transport = transport
         self._publisher = publisher
+        self._keeper = keeper
         self._period_s = 1.0 / rate_hz
         self._clock = clock
         self._next_tick_s = math.inf
@@ -104,6 +109,8 @@ class Loop:
             self._read_autopilot(self._clock())  # a scan wants the newest odometry
         self._publisher.came(message.topic, message.payload)
         out, explanation = self._vessel.handle(message, self._clock()), None
+        if message.topic in self._vessel.link.topics:
+            self._publisher.thrust(out.thrust)
         if out.decision is not None:
             self._send(out.autopilot)
             latency_ms = self._note_latency(message)
@@ -126,6 +133,8 @@ class Loop:
         envelope = self._vessel.envelope.state
         self._publisher.state(state, self._vessel.stamp_ns, autopilot, envelope)
         self._manager.alive(now_s, state)
+        if self._keeper is not None:
+            self._report(KEEPER, self._keeper.alive(now_s))
 
     def _guarded(self, do: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | None:
         """Do something; what it raises stops the propellers, not the loop."""
@@ -143,6 +152,8 @@ class Loop:
         now_s = self._clock()
         with suppress(Exception):
             self._send(self._vessel.hold(now_s))
+        with suppress(Exception):
+            self._publisher.thrust(NEUTRAL)
         detail = f"{where}: {type(error).__name__}: {error}"
         event = INTERNAL_ERROR.at(self._vessel.stamp_ns, detail)
         with suppress(Exception):
@@ -151,6 +162,7 @@ class Loop:
             self._vessel.note((event,), now_s)
 
     def _rest(self) -> None:
+        self._publisher.thrust(NEUTRAL)
         self._send(self._vessel.rest(self._clock()))
 
     def _read_autopilot(self, now_s: float) -> None:
@@ -251,8 +263,13 @@ def run_vessel(
         recorder = None
         if folder is not None:
             recorder = stack.enter_context(open_recorder(folder, config, source, vessel))
-        publisher = Publisher(bus, recorder, vessel=config.name, sensor=sensor_of(config))
-        loop = Loop(vessel, inbox, transport, publisher, rate_hz=config.command_rate_hz)
+        publisher = Publisher(bus, recorder, vessel=config.name, frames=vessel.frames)
+        keeper = None
+        if config.autopilot.kind == "thrust":
+            keeper = Keeper(config.bus, config.name)
+            stack.callback(keeper.close)
+        rate_hz = config.command_rate_hz
+        loop = Loop(vessel, inbox, transport, publisher, rate_hz=rate_hz, keeper=keeper)
         if refused:
             publisher.report((PRIORITY_REFUSED.at(vessel.stamp_ns, "; ".join(refused)),))
         if approval:
