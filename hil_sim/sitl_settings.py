@@ -6,8 +6,9 @@ from enum import Enum
 
 from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotSettings
 from twinscrew.hil_sim.sensors.navigation import NavigationSettings
-from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.settings import Settings
+from twinscrew.runtime.errors import ConfigError, one_of
+from twinscrew.runtime.settings import Positive, Settings
+from twinscrew.runtime.vessel.trial import TRIALS
 
 
 class AutopilotKind(Enum):
@@ -37,6 +38,13 @@ class SitlSettings(Settings, frozen=True):
 
     sensor: str = "vrx32"
     policy: str = "ac_iqn"
+    trial: str = ""
+    """A trial that is sailed instead of a voyage to goals; empty: none."""
+    trial_time_s: Positive = 1200.0
+    """[s] The trial is done after so long."""
+    believed: str = ""
+    """What the runtimes take the vessels for: a name in config/vessels, or a file. Empty: for what
+    they are."""
     seed: int = 0
     lockstep: bool = False
     processes: bool = False
@@ -78,5 +86,11 @@ def check(settings: SitlSettings) -> None:
         raise ConfigError(
             "in real time each has its process anyway: with --lockstep", key="processes"
         )
+    if settings.trial and settings.trial not in (*TRIALS, "all"):
+        raise ConfigError(one_of(settings.trial, (*TRIALS, "all")), key="trial")
+    if settings.trial and settings.faults:
+        raise ConfigError("not together with faults", key="trial")
+    if settings.believed and not ours:
+        raise ConfigError("only with our autopilots", key="believed")
     if settings.faults and (settings.lockstep or settings.ground or not ours):
         raise ConfigError("only in real time, with our autopilots and no station", key="faults")

@@ -27,6 +27,7 @@ from twinscrew.runtime.link.transport import UdpTransport, open_transport
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Odometry
 from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
+from twinscrew.runtime.vessel.trial import TRIAL_ENDS
 
 
 class Fleet(Protocol):
@@ -188,6 +189,7 @@ class RealtimeCrew:
         self._buses: list[ZenohBus] = []
         self._runtimes: list[RuntimeProcess] = []
         self._engaged = [False] * len(configs)
+        self._trials = [""] * len(configs)
         self._ready_since: dict[int, float] = {}
         self._now_s = 0.0
         self._begin_s: float | None = None
@@ -241,6 +243,10 @@ class RealtimeCrew:
         """See `Crew`."""
         since_s = self._ready_since.get(vessel)
         return since_s is not None and self._now_s - since_s >= SETTLE_S
+
+    def trial_outcome(self, vessel: int) -> str:
+        """See `Crew`; a boat that was stopped early may still brake."""
+        return self._trials[vessel]
 
     def thrust_N(self) -> Float64:
         """See `Crew`."""
@@ -303,7 +309,7 @@ class RealtimeCrew:
 
     def _listen_to(self, vessel: int) -> None:
         self._buses[vessel].subscribe("engagement", lambda message: self._note(vessel, message))
-        if self._tell is not None:
+        if self._tell is not None or self._configs[vessel].trial.name:
             self._buses[vessel].subscribe("diagnostics", lambda told: self._pass_on(vessel, told))
 
     def _complete(self, vessel: int, port: int) -> RuntimeConfig:
@@ -332,6 +338,8 @@ class RealtimeCrew:
         """Take health events, in Zenoh's thread; those of the autopilot are for the user."""
         with contextlib.suppress(MessageError):
             for event in cdr.decode_diagnostics(message.payload):
+                if event.name in TRIAL_ENDS:
+                    self._trials[vessel] = event.name
                 if self._tell is not None and event.name in events.NAMES:
                     self._tell(f"{self._configs[vessel].name}: {event.name}: {event.detail}")
 

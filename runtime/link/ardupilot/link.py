@@ -324,6 +324,12 @@ class AutopilotLink:
             self._listener.obedience.commanded(pair, now_s)
         return self._override(pair)
 
+    def take_outputs(self) -> Pair | None:
+        """Give what drives the propellers [us], left and right, if that was told since the last
+        call."""
+        outputs, self._listener.new_outputs = self._listener.new_outputs, None
+        return outputs
+
     def events(self, now_s: float) -> tuple[HealthEvent, ...]:
         """Give what began, ended or was said since the last call."""
         self._now_s = now_s

@@ -172,6 +172,8 @@ class Listener:
         self.arming = Retried(commands.arm(target), every_s=1.0)
         self.texts: list[str] = []
         """What the autopilot told in words and nobody has asked for yet."""
+        self.new_outputs: Pair | None = None
+        """[us] Left and right of SERVO_OUTPUT_RAW, until somebody takes them."""
         self._chunked = 0
         self.replies: list[Message] = []
         """What is to be answered."""
@@ -265,7 +267,8 @@ class Listener:
             self.authority.reached(sent_s)
 
     def _on_servo_output(self, message: Message, now_s: float) -> None:
-        self.obedience.measured((message.servo1_raw, message.servo3_raw), STOP_US, now_s)
+        self.new_outputs = (message.servo1_raw, message.servo3_raw)
+        self.obedience.measured(self.new_outputs, STOP_US, now_s)
 
     def _on_system_status(self, message: Message, _now_s: float) -> None:
         volts = message.voltage_battery  # [mV]; 65535: not sent
