@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from twinscrew.hil_sim.drivers.voyage import VoyageResult
 from twinscrew.hil_sim.faults.verdict import Verdict
-from twinscrew.runtime.app.replay import combined_sha256
+from twinscrew.runtime.vessel.replay import combined_sha256
 from twinscrew.runtime.vessel.summary import LatencySummary, RunSummary
 
 

@@ -8,8 +8,8 @@ from typing import Any, Literal
 from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sitl_settings import OdometrySource, SitlSettings
-from twinscrew.runtime.app.ground import GroundSettings
 from twinscrew.runtime.datum import Datum
+from twinscrew.runtime.ground.report import GroundSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig, config_for
 from twinscrew.runtime.vessel.hull_settings import expecting
 from twinscrew.runtime.vessel.trial import room_m

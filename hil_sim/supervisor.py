@@ -38,7 +38,7 @@ class SupervisorSettings(Settings, frozen=True, kw_only=True):
     after_collision: Literal["vanish", "stop"] = "vanish"
     """Take it off the map, as in training; or hold it where it is, a wreck in the others' way."""
     goals_count: bool = True
-    """Whether a vessel's voyage ends at its goal. One on trial has none: see `Supervisor.finish`."""
+    """Whether a voyage ends at its goal. One on trial has none: see `Supervisor.finish`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

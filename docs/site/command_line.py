@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from twinscrew.runtime.app.cli import SUMMARIES, find_command
+from twinscrew.runtime.cli.main import SUMMARIES, find_command
 
 
 def commands_page() -> str:

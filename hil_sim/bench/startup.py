@@ -41,7 +41,7 @@ def _start_once() -> float:
         )
         begin_s = time.monotonic()
         process = subprocess.Popen(
-            [sys.executable, "-m", "twinscrew.runtime.app", "run", "--config", str(config)],
+            [sys.executable, "-m", "twinscrew.runtime.cli", "run", "--config", str(config)],
             stderr=subprocess.DEVNULL,
         )
         try:

@@ -13,9 +13,9 @@ from twinscrew.hil_sim.drivers.realtime import RealtimeCrew
 from twinscrew.hil_sim.drivers.voyage import Voyage
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.world import make_world
-from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
 from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.recording.settings import RecordingSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig
 from twinscrew.runtime.vessel.summary import RunSummary, read_summary
 

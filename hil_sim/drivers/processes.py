@@ -159,7 +159,7 @@ class RuntimeProcess:
 
     def _started(self) -> subprocess.Popen[bytes]:
         file = str(self._folder / CONFIG_FILE)
-        command = [sys.executable, "-m", "twinscrew.runtime.app", "run", "--config", file]
+        command = [sys.executable, "-m", "twinscrew.runtime.cli", "run", "--config", file]
         command += ["--tethered"]  # it ends with this process, whose end of its input then closes
         with (self._folder / LOG_FILE).open("ab") as log, ordinary():
             return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=log, stderr=log)

@@ -21,11 +21,11 @@ from twinscrew.hil_sim.drivers.processes import LOOPBACK, START_LIMIT_S, Runtime
 from twinscrew.runtime.bus.base import Received, Receiver
 from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.errors import LinkError, MessageError
-from twinscrew.runtime.link.ardupilot import events
 from twinscrew.runtime.link.ardupilot.thrust import PaddleSettings
 from twinscrew.runtime.link.transport import UdpTransport, open_transport
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Odometry
+from twinscrew.runtime.safety.events import OF_THE_AUTOPILOT
 from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
 from twinscrew.runtime.vessel.trial import TRIAL_ENDS
 
@@ -340,7 +340,7 @@ class RealtimeCrew:
             for event in cdr.decode_diagnostics(message.payload):
                 if event.name in TRIAL_ENDS:
                     self._trials[vessel] = event.name
-                if self._tell is not None and event.name in events.NAMES:
+                if self._tell is not None and event.name in OF_THE_AUTOPILOT:
                     self._tell(f"{self._configs[vessel].name}: {event.name}: {event.detail}")
 
     def _note(self, vessel: int, message: Received) -> None:

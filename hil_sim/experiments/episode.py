@@ -46,7 +46,6 @@ from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.supervisor import Outcome
 from twinscrew.hil_sim.world import World, WorldSettings
-from twinscrew.runtime.app.replay import combined_sha256
 from twinscrew.runtime.errors import ConfigError, TwinscrewError
 from twinscrew.runtime.messages.types import (
     Float64,
@@ -64,6 +63,7 @@ from twinscrew.runtime.tracking.tracker import Tracker
 from twinscrew.runtime.vessel.config import RuntimeConfig, config_for
 from twinscrew.runtime.vessel.hull_settings import expecting
 from twinscrew.runtime.vessel.pipeline import Pipeline, make_pipeline
+from twinscrew.runtime.vessel.replay import combined_sha256
 from twinscrew.runtime.vessel_description import load_vessel
 
 POINTS = 100

@@ -21,9 +21,9 @@ import numpy as np
 
 from twinscrew.hil_sim.experiments.plan import Experiment, Key, SetSettings, episode_seed
 from twinscrew.hil_sim.scenario import Scenario
-from twinscrew.runtime.app.recorder import software
 from twinscrew.runtime.errors import NOT_THE_FORMAT, ConfigError, RecordingError
 from twinscrew.runtime.messages.types import Float64
+from twinscrew.runtime.recording.recorder import software
 from twinscrew.runtime.settings import CONFIG_DIR, Settings, convert
 
 Cause = Literal["vessel", "buoy", "time"]

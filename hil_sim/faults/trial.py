@@ -12,9 +12,9 @@ from twinscrew.hil_sim.faults.plan import FaultPlan
 from twinscrew.hil_sim.faults.verdict import Verdict
 from twinscrew.hil_sim.faults.waters import lanes
 from twinscrew.hil_sim.world import make_world
-from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
 from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.recording.settings import RecordingSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig
 
 SENSOR = "vrx32"

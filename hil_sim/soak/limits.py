@@ -19,7 +19,7 @@ import psutil
 from twinscrew.hil_sim.children import undisturbed
 from twinscrew.hil_sim.drivers.processes import ordinary
 from twinscrew.hil_sim.faults.timeline import Span
-from twinscrew.runtime.app.recording_settings import RecorderSettings
+from twinscrew.runtime.recording.settings import RecorderSettings
 from twinscrew.runtime.settings import CONFIG_DIR, Count, Fraction, NonNegative, Positive, Settings
 from twinscrew.runtime.settings import load as load_settings
 

@@ -30,9 +30,9 @@ from twinscrew.hil_sim.soak.vessels import (
     waits,
 )
 from twinscrew.hil_sim.world import make_world
-from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.recording.settings import RecordingSettings
 from twinscrew.runtime.settings import CONFIG_DIR
 from twinscrew.runtime.vessel.config import RuntimeConfig
 

@@ -49,7 +49,7 @@ def viewer(
     ConfigError
         It does not start: the port is in use.
     """
-    command = [sys.executable, "-m", "twinscrew.runtime.app", "view"]
+    command = [sys.executable, "-m", "twinscrew.runtime.cli", "view"]
     command += [f"--{way}", str(folder), "--port", str(port)]
     command += ["--tethered", *(["--orders"] if orders else [])]
     with ExitStack() as stack:

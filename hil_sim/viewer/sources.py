@@ -25,7 +25,6 @@ from twinscrew.hil_sim.viewer.scene import (
 )
 from twinscrew.hil_sim.viewer.vessel import SHOWN, Places, Row, Vessel
 from twinscrew.hil_sim.viewer.wire import EventView, Order, Part
-from twinscrew.runtime.app.recording import Recorded, Recording, find_recordings
 from twinscrew.runtime.bus.base import Inbox
 from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.datum import Datum
@@ -33,6 +32,7 @@ from twinscrew.runtime.errors import ConfigError, RecordingError
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Goal
 from twinscrew.runtime.perception.sensor import Sensor, load_sensor
+from twinscrew.runtime.recording.recording import Recorded, Recording, find_recordings
 from twinscrew.runtime.settings import convert
 from twinscrew.runtime.vessel.config import RuntimeConfig, load_config, sensor_of
 

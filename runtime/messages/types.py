@@ -204,6 +204,17 @@ class Tracks:
     """[m, m/s] [N] (K, 4, 4) Covariance of (north, east, v_north, v_east)."""
     age_s: Float64
     """[s] (K,) Time since the last scan in which it was seen; 0 if seen in this one."""
+    half_length: Float64 | None = None
+    """[m] (K,) Half the length of a track's outline, a rectangle about its centre; NaN where only
+    the radius is known. None: no track has an outline. Outline and name are not in a decision's
+    message: other topics carry them."""
+    half_beam: Float64 | None = None
+    """[m] (K,) Half its beam; NaN and None likewise."""
+    heading: Float64 | None = None
+    """[rad] [N] (K,) Where its bow points, maybe not where it goes; NaN and None likewise."""
+    name: tuple[str, ...] | None = None
+    """(K,) What the vessel calls itself, as "257123450 NORDLYS"; "" where it has not said so. None:
+    no track has a name."""
 
 
 OBSERVED_OBJECTS = 5

@@ -127,3 +127,66 @@ MESSAGES_MISSING = _warning(
     "messages_missing", "Messages were too large, or lost on their way: they are missing."
 )
 RECORDER = _warning("recorder", "The recorder lost messages or stopped; the boat goes on.")
+
+# The autopilot link (docs/mavlink.md tells what each one means)
+AUTOPILOT_SILENT = _error("autopilot_silent", "Nothing comes from the autopilot: neutral thrust.")
+AUTOPILOT_DISARMED = _error(
+    "autopilot_disarmed", "The autopilot was disarmed; only an operator arms again."
+)
+MODE_TAKEN = _warning("mode_taken", "A pilot chose another mode: he has the boat until MANUAL.")
+FAILSAFE_HOLD = _error("failsafe_hold", "The autopilot's radio failsafe holds the boat.")
+OVERRIDE_IGNORED = _error("override_ignored", "The outputs do not follow the commands.")
+ARMING_REFUSED = _warning("arming_refused", "The autopilot refuses to arm.")
+MODE_REFUSED = _warning("mode_refused", "The autopilot refuses MANUAL.")
+WRONG_VEHICLE = _error("wrong_vehicle", "What answers is no ArduPilot boat: neutral thrust.")
+PARAMETERS_WRONG = _warning("parameters_wrong", "Autopilot parameters are not what they must be.")
+PARAMETERS_UNSAFE = _error(
+    "parameters_unsafe",
+    "Autopilot parameters on which safety rests are wrong: no driving, no arming.",
+)
+STREAM_SLOW = _warning("stream_slow", "A message of the autopilot comes too seldom.")
+PARAMETERS_WRITTEN = _info("parameters_written", "Autopilot parameters were put right.")
+MESSAGE_UNSENT = _warning(
+    "message_unsent", "A message could not be written for the line: left out."
+)
+AUTOPILOT_RECOVERED = _info("autopilot_recovered", "A condition of the autopilot link is over.")
+AUTOPILOT_SAYS = _info("autopilot_says", "The autopilot's own words.")
+
+OF_THE_AUTOPILOT: Final = frozenset(
+    kind.name
+    for kind in (
+        AUTOPILOT_SILENT,
+        AUTOPILOT_DISARMED,
+        MODE_TAKEN,
+        FAILSAFE_HOLD,
+        OVERRIDE_IGNORED,
+        ARMING_REFUSED,
+        MODE_REFUSED,
+        WRONG_VEHICLE,
+        PARAMETERS_WRONG,
+        PARAMETERS_UNSAFE,
+        STREAM_SLOW,
+        PARAMETERS_WRITTEN,
+        MESSAGE_UNSENT,
+        AUTOPILOT_RECOVERED,
+        AUTOPILOT_SAYS,
+    )
+)
+"""The names of those that tell of the autopilot link."""
+
+# The estimation of odometry from GPS and IMU (docs/estimation.md)
+ESTIMATE_READY = _info("estimate_ready", "Position and heading are known well enough to sail by.")
+GPS_LOST = _warning(
+    "gps_lost", "No fix that can be used for too long: the estimate coasts; told every second."
+)
+GPS_BACK = _info("gps_back", "Fixes are used again.")
+GPS_DISAGREES = _warning(
+    "gps_disagrees", "Fixes lay too far from the estimate for too long: it starts from them anew."
+)
+HEADING_UNKNOWN = _error("heading_unknown", "The IMU tells no attitude: there is no odometry.")
+ESTIMATE_LOST = _error("estimate_lost", "The position is too uncertain: there is no odometry.")
+IMU_GAP = _warning("imu_gap", "The IMU was silent for too long: the estimate starts anew.")
+
+
+KINDS: Final = {kind.name: kind for kind in list(globals().values()) if isinstance(kind, EventKind)}
+"""Every kind of event, by name."""

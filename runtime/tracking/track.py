@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
 
@@ -79,6 +80,24 @@ class ExistenceSettings(Settings, frozen=True, kw_only=True):
     """[m] Tracks farther from the vessel are not reported."""
 
 
+@dataclass(frozen=True, slots=True)
+class Named:
+    """What a vessel says of itself, as AIS tells it."""
+
+    identity: str
+    """The same in all its reports, and in no other vessel's."""
+    name: str
+    """What people call it."""
+    half_length_m: float
+    """[m] Half its length; NaN: not told."""
+    half_beam_m: float
+    """[m] Half its beam; NaN: not told."""
+    heading: float
+    """[rad] [N] Where its bow points; NaN: not told."""
+    stamp_ns: int
+    """[ns] Of its last report."""
+
+
 class Track:
     """What is known of one object. Arrays and mappings are replaced, never changed."""
 
@@ -98,6 +117,7 @@ class Track:
         "key",
         "known_s",
         "moved",
+        "named",
         "part_of",
         "part_since_ns",
         "radius",
@@ -155,6 +175,7 @@ class Track:
         self.part_of: tuple[int, int] | None = None
         self.part_since_ns = 0
         self.apart_ns: int | None = None
+        self.named: Named | None = None
 
     @property
     def at_rest(self) -> bool:

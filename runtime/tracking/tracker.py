@@ -527,7 +527,27 @@ class Tracker:
             radius=_floats([track.radius for track in tracks]),
             covariance=P[:, :4, :4].copy(),
             age_s=_floats([track.age_s for track in tracks]),
+            **_outlines(tracks),
         )
+
+
+def _outlines(tracks: Sequence[Track]) -> dict[str, Any]:
+    """Give the columns of outlines and names; none where no track has either."""
+    if not any(track.named for track in tracks):
+        return {}
+    rows = [
+        (math.nan, math.nan, math.nan)
+        if track.named is None
+        else (track.named.half_length_m, track.named.half_beam_m, track.named.heading)
+        for track in tracks
+    ]
+    half_length, half_beam, heading = np.array(rows, dtype=np.float64).T
+    return {
+        "half_length": half_length,
+        "half_beam": half_beam,
+        "heading": heading,
+        "name": tuple("" if track.named is None else track.named.name for track in tracks),
+    }
 
 
 def _states(tracks: Sequence[Track]) -> tuple[Float64, Float64]:

@@ -12,17 +12,17 @@ import msgspec
 from msgspec import Meta
 from msgspec.structs import replace
 
-from twinscrew.runtime.app.ground import GroundSettings
-from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.bus.zenoh import ZenohSettings
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.estimation.estimator import EstimationSettings
+from twinscrew.runtime.ground.report import GroundSettings
 from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.perception.segmentation import PerceptionSettings
 from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
 from twinscrew.runtime.policy.observation import ObservationSettings
 from twinscrew.runtime.policy.risk import RiskSettings
+from twinscrew.runtime.recording.settings import RecordingSettings
 from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.settings import Settings, convert, read_toml

@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Final
 
 import msgspec
 
-from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.errors import BusError, TwinscrewError
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND
+from twinscrew.runtime.recording.recorder import Recorder
 from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of, sensor_of
 from twinscrew.runtime.vessel.outputs import Publisher
 from twinscrew.runtime.vessel.pipeline import Pipeline

@@ -12,8 +12,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from twinscrew.runtime.app.recorder import Recorder
-from twinscrew.runtime.app.recording import DecisionHash
 from twinscrew.runtime.bus.base import Bus
 from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.geometry import flu_to_frd, quaternion_from_euler
@@ -29,6 +27,8 @@ from twinscrew.runtime.messages.types import (
 )
 from twinscrew.runtime.messages.visual import Transform, vessel_transform
 from twinscrew.runtime.perception.sensor import Sensor
+from twinscrew.runtime.recording.recorder import Recorder
+from twinscrew.runtime.recording.recording import DecisionHash
 from twinscrew.runtime.safety.events import AUTOPILOT_NOW, STATE_NOW
 from twinscrew.runtime.safety.guard import NEUTRAL
 

@@ -18,12 +18,12 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Final, ParamSpec, TypeVar
 
-from twinscrew.runtime.app.recorder import Recorder
 from twinscrew.runtime.bus.base import Inbox, Received
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import ConfigError, LinkError
 from twinscrew.runtime.link.transport import Transport, await_transport, reopening
 from twinscrew.runtime.messages.types import HealthEvent
+from twinscrew.runtime.recording.recorder import Recorder
 from twinscrew.runtime.safety.events import (
     FILES_APPROVED,
     INTERNAL_ERROR,
@@ -207,6 +207,7 @@ def run_vessel(
     *,
     source: Path,
     stop: Callable[[], bool],
+    until: Callable[[Vessel], bool] = lambda _vessel: False,
     refused: tuple[str, ...] = (),
     approval: str = "",
     ready: Callable[[], None] = lambda: None,
@@ -219,6 +220,8 @@ def run_vessel(
         The configuration's file, to be named in errors.
     stop
         Ends the loop, and the wait for an autopilot that is not there yet.
+    until
+        Ends the loop, too, when the vessel has done what it was started for.
     refused
         What of the priority the system did not give (`process.take_priority`): it is reported.
     approval
@@ -255,7 +258,7 @@ def run_vessel(
         stack.enter_context(Garbage())  # the first collection takes 20 ms: before a scan comes
         inbox.listen(bus, inputs_of(config))
         ready()
-        loop.run(stop)
+        loop.run(lambda: stop() or until(vessel))
     summary = RunSummary(
         name=config.name,
         decisions=publisher.decisions,

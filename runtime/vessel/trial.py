@@ -173,6 +173,8 @@ class Trial:
         """Whether it was sailed to its end."""
         self.outcome = ""
         """The event that ended it; empty while it goes on."""
+        self.words = ""
+        """What was reported last: the manoeuvre, or why the trial ended."""
         self._vessel, self._limits = vessel, limits
         self._require_room()
         self._time_s = vessel.length_m / vessel.top_speed_mps
@@ -227,6 +229,11 @@ class Trial:
         self._events, self._stamp_ns = [], stamp_ns
         self._end(TRIAL_INTERRUPTED, why)
         return self._events
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether it is over, and the boat has braked."""
+        return self.over and self._script is None
 
     @property
     def braking(self) -> bool:
@@ -331,6 +338,7 @@ class Trial:
         self._tell(kind, detail)
 
     def _tell(self, kind: EventKind, detail: str) -> None:
+        self.words = f"{kind.name}: {detail}"
         self._events.append(kind.at(self._stamp_ns, detail))
 
     def _see(self, odometry: Odometry) -> None:
@@ -463,7 +471,10 @@ class Trial:
 
     def _brake(self, heading: float) -> Script:
         """Take the way off, with thrust against it."""
-        over, slow = _Timer(self, self._now_.time_s + 15.0 * self._time_s + 2.0), STILL * self._vessel.top_speed_mps
+        over, slow = (
+            _Timer(self, self._now_.time_s + 15.0 * self._time_s + 2.0),
+            STILL * self._vessel.top_speed_mps,
+        )
         while abs(self._now_.surge) > slow and not over():
             share = min(1.0, abs(self._now_.surge) / (3.0 * slow))
             back = self._bottom if self._now_.surge > 0.0 else self._top

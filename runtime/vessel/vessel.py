@@ -13,11 +13,11 @@ from dataclasses import replace
 
 from msgspec import structs
 
-from twinscrew.runtime.app.ground import GroundReport
-from twinscrew.runtime.app.ground_desk import GroundDesk
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.estimation.estimator import Estimator
+from twinscrew.runtime.ground.report import GroundReport
+from twinscrew.runtime.ground.service import GroundService
 from twinscrew.runtime.ground.stations import Stations
 from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotStatus
 from twinscrew.runtime.messages import cdr
@@ -98,7 +98,9 @@ class Vessel:
         """Whether the pipeline's thrust goes to the propellers."""
         self._alignment = alignment
         self._estimator = estimator
-        self._ground = GroundDesk(link, self.report, pipeline.mission, lambda: self.inputs.newest)
+        self._ground = GroundService(
+            link, self.report, pipeline.mission, lambda: self.inputs.newest
+        )
         self._guard = Guard(limits or pipeline.guard.limits)
         self._watchdog = Watchdog(
             {name: (kind, TOPICS[name].max_age_s or math.inf) for name, kind in WATCHED.items()}

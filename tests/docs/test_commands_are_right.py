@@ -7,7 +7,7 @@ import tomllib
 import pytest
 from tests.docs.commands import OURS, PAGES, ROOT, Command, commands_of
 
-from twinscrew.runtime.app.cli import find_command
+from twinscrew.runtime.cli.main import find_command
 
 COMMANDS = [command for page in PAGES for command in commands_of(page)]
 OF_TWINSCREW = [command for command in COMMANDS if command.words.startswith("twinscrew ")]

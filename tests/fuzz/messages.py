@@ -20,9 +20,9 @@ sys.path.insert(0, ".")
 from tests.harness.boat import Boat, cloud, odometry
 from tests.harness.work import calls_of
 
-from twinscrew.runtime.app.ground import GroundReport, GroundSettings
 from twinscrew.runtime.bus.base import MemoryBus, Received
 from twinscrew.runtime.datum import Datum
+from twinscrew.runtime.ground.report import GroundReport, GroundSettings
 from twinscrew.runtime.link.transport import Transport
 from twinscrew.runtime.mavlink import Wire
 from twinscrew.runtime.messages import cdr

@@ -13,9 +13,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.rover import RoverSettings
-from twinscrew.runtime.app.ground import GroundReport
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.geometry import quaternion_from_euler
+from twinscrew.runtime.ground.report import GroundReport
 from twinscrew.runtime.ground.stations import Stations
 from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.link.ardupilot.thrust import STOP

@@ -2,9 +2,9 @@
 
 import threading
 
-from twinscrew.runtime.app.recording import find_recordings
 from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.recording.recording import find_recordings
 
 LAST = 100
 """[-] Messages of a boat that are said again: those of about 1.3 s."""

@@ -14,7 +14,7 @@ from typing import Any
 
 GIVE_UP_S = 120
 """[s] A command that hangs must not hang the tests; far beyond what any takes."""
-TWINSCREW = (sys.executable, "-m", "twinscrew.runtime.app")
+TWINSCREW = (sys.executable, "-m", "twinscrew.runtime.cli")
 
 
 def twinscrew(*words: object, **environment: str) -> subprocess.CompletedProcess[str]:

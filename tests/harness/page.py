@@ -24,7 +24,7 @@ class Viewer:
     """`twinscrew view` in a process of its own."""
 
     def __init__(self, *arguments, port=0):
-        command = [sys.executable, "-m", "twinscrew.runtime.app", "view", *arguments]
+        command = [sys.executable, "-m", "twinscrew.runtime.cli", "view", *arguments]
         self.process = subprocess.Popen(
             [*command, "--port", str(port)], stdout=subprocess.PIPE, text=True
         )

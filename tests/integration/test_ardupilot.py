@@ -18,8 +18,8 @@ from tests.harness.commands import as_json, start, twinscrew
 from tests.harness.waiting import wait_until
 
 from twinscrew.hil_sim.scenario import load_scenario
-from twinscrew.runtime.app.recording import find_recordings
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.recording.recording import find_recordings
 
 REPOSITORY = Path(__file__).parents[2]
 REAL = os.environ.get("ARDUROVER", "")

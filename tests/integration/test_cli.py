@@ -23,7 +23,7 @@ def loaded_by(*words: str) -> list[str]:
     code = f"""
 import sys
 sys.argv = {["twinscrew", *words]!r}
-from twinscrew.runtime.app.cli import main
+from twinscrew.runtime.cli.main import main
 try:
     main()
 finally:
@@ -135,7 +135,7 @@ class CtrlC:
 
 package, sys.argv = sys.argv[1], ["twinscrew", "doctor", "--json"]
 sys.meta_path.insert(0, CtrlC())
-from twinscrew.runtime.app.__main__ import main
+from twinscrew.runtime.cli.__main__ import main
 main()
 """
 

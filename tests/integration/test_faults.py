@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from tests.harness.commands import as_json, twinscrew
 
-from twinscrew.runtime.app.recording import find_recordings
+from twinscrew.runtime.recording.recording import find_recordings
 
 STOPS = """
 [promise]

@@ -9,8 +9,8 @@ import pytest
 from tests.harness.commands import as_json, start, twinscrew
 from tests.harness.waiting import wait_until
 
-from twinscrew.runtime.app.recording import find_recordings
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.recording.recording import find_recordings
 from twinscrew.runtime.settings import CONFIG_DIR
 
 

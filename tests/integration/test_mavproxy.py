@@ -14,9 +14,9 @@ from tests.harness.mavproxy import PROGRAM, MavProxy
 from tests.harness.waiting import wait_until
 
 from twinscrew.hil_sim.sitl_runtimes import DATUM
-from twinscrew.runtime.app.recording import find_recordings
 from twinscrew.runtime.datum import to_degrees
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.recording.recording import find_recordings
 
 SCENARIO = """
 time_limit_s = 300

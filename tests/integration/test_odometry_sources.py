@@ -11,11 +11,11 @@ from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sensors.navigation import NavigationSettings, ReceiverSettings
 from twinscrew.hil_sim.sitl import sail
 from twinscrew.hil_sim.sitl_settings import AutopilotKind, OdometrySource, SitlSettings
-from twinscrew.runtime.app.recording import Recording, find_recordings
-from twinscrew.runtime.app.replay import combined_sha256, replay
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.geometry import wrap
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.recording.recording import Recording, find_recordings
+from twinscrew.runtime.vessel.replay import combined_sha256, replay
 
 HEAD_ON = load_scenario("head_on")
 

@@ -17,9 +17,9 @@ from tests.harness.commands import GIVE_UP_S, running, stop, twinscrew
 from tests.harness.sensors import Sensors
 from tests.harness.waiting import wait_until
 
-from twinscrew.runtime.app.recording import find_recordings
 from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.recording.recording import find_recordings
 from twinscrew.runtime.settings import CONFIG_DIR
 from twinscrew.runtime.vessel.summary import read_summary
 

@@ -33,7 +33,7 @@ def service(systemd, tmp_path):
         "WATCHDOG_USEC": str(round(WATCHDOG_S * 1e6)),
     }
     environment.pop("WATCHDOG_PID", None)
-    command = [sys.executable, "-m", "twinscrew.runtime.app", "run", "--config", str(config)]
+    command = [sys.executable, "-m", "twinscrew.runtime.cli", "run", "--config", str(config)]
     process = subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL)
     yield process
     process.kill()

@@ -191,7 +191,7 @@ def test_runs_that_are_not_equally_far_do_not_train_together(tmp_path):
 
 def test_a_killed_run_goes_on_from_its_last_checkpoint(tmp_path):
     file, out = written(tmp_path, second=4000), tmp_path / "out"
-    command = [sys.executable, "-m", "twinscrew.runtime.app", "train", str(file), "--out", str(out)]
+    command = [sys.executable, "-m", "twinscrew.runtime.cli", "train", str(file), "--out", str(out)]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     checkpoint = out / "seed_0" / runs.CHECKPOINT
     while not checkpoint.exists():
@@ -215,7 +215,7 @@ def test_a_run_that_is_asked_to_stop_saves_says_where_and_goes_on(tmp_path):
     """The first networks are there within seconds; SIGTERM and Ctrl-C save all that was learnt."""
     file, out = written(tmp_path, second=400_000), tmp_path / "out"
     file.write_text(file.read_text().replace("evaluate_every = 20", "evaluate_every = 100000"))
-    command = [sys.executable, "-m", "twinscrew.runtime.app", "train", str(file), "--out", str(out)]
+    command = [sys.executable, "-m", "twinscrew.runtime.cli", "train", str(file), "--out", str(out)]
     step = 0
     for number in (signal.SIGTERM, signal.SIGINT):
         process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)

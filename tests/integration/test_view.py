@@ -293,7 +293,7 @@ def test_the_sparkline_is_drawn_to_the_scale_of_its_largest_value(page, viewer):
 
 @pytest.mark.slow
 def test_a_run_in_real_time_is_seen_as_it_sails(page, tmp_path):
-    command = [sys.executable, "-m", "twinscrew.runtime.app", "sitl", "--scenario", "crossing"]
+    command = [sys.executable, "-m", "twinscrew.runtime.cli", "sitl", "--scenario", "crossing"]
     command += ["--max-time", "12", "--out", str(tmp_path / "run"), "--view", "--port", "0"]
     with (tmp_path / "said.txt").open("w+") as said:
         sitl = subprocess.Popen(command, stdout=said, stderr=said)
@@ -328,7 +328,7 @@ def test_a_port_in_use_is_refused_in_one_line(run):
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        command = [sys.executable, "-m", "twinscrew.runtime.app", "view", "--replay", str(run)]
+        command = [sys.executable, "-m", "twinscrew.runtime.cli", "view", "--replay", str(run)]
         refused = subprocess.run(
             [*command, "--port", str(port)], capture_output=True, text=True, timeout=PATIENCE_S
         )

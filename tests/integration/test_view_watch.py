@@ -30,9 +30,9 @@ from tests.harness.page import (
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlSettings, sail
 from twinscrew.hil_sim.viewer.scene import read_outcomes, write_scene
-from twinscrew.runtime.app.recording import find_recordings
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.recording.recording import find_recordings
 from twinscrew.runtime.safety.explain import closest_approach
 
 pytestmark = wants_chromium
@@ -221,7 +221,7 @@ def test_a_lost_connection_says_what_can_be_done(page, one):
 
 @pytest.mark.slow
 def test_a_run_in_real_time_goes_over_into_its_replay_with_the_result(page, tmp_path):
-    command = [sys.executable, "-m", "twinscrew.runtime.app", "sitl", "--vessels", "1"]
+    command = [sys.executable, "-m", "twinscrew.runtime.cli", "sitl", "--vessels", "1"]
     command += ["--buoys", "2", "--seed", "3", "--out", str(tmp_path / "run")]
     said = tmp_path / "said.txt"
     with said.open("w") as log:
@@ -474,7 +474,7 @@ def test_an_order_needs_a_place_and_a_confirmation(desktop, boats, endpoint):
 
 def test_a_simulated_run_takes_orders_only_in_real_time_and_with_a_page():
     for options in (["--orders"], ["--orders", "--view", "--lockstep"]):
-        command = [sys.executable, "-m", "twinscrew.runtime.app", "sitl", *options]
+        command = [sys.executable, "-m", "twinscrew.runtime.cli", "sitl", *options]
         refused = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
         assert refused.returncode == 2
         assert "--orders: only with --view" in refused.stderr

@@ -19,12 +19,12 @@ import numpy as np
 
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlSettings, sail
-from twinscrew.runtime.app.bag import BagWriter
-from twinscrew.runtime.app.recorder import software
-from twinscrew.runtime.app.recording import Recording, find_recordings
-from twinscrew.runtime.app.recording_settings import BagSettings
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.recording.recorder import software
+from twinscrew.runtime.recording.recording import Recording, find_recordings
+from twinscrew.runtime.recording.settings import BagSettings
+from twinscrew.runtime.recording.writer import BagWriter
 from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig
 from twinscrew.runtime.vessel.summary import metadata_of
@@ -68,7 +68,7 @@ def decide(case: str) -> tuple[bytes, ...]:
 
 def sha256(decisions: tuple[bytes, ...]) -> str:
     """Give the hash of a run, as `twinscrew replay` does."""
-    from twinscrew.runtime.app.recording import decisions_sha256
+    from twinscrew.runtime.recording.recording import decisions_sha256
 
     return decisions_sha256(decisions)
 

@@ -12,11 +12,11 @@ from tests.replay.test_determinism import busy_machine
 from twinscrew.hil_sim.drivers.lockstep import ProcessCrew
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlReport, SitlSettings, sail
-from twinscrew.runtime.app.recording import find_recordings
-from twinscrew.runtime.app.replay import combined_sha256, replay
 from twinscrew.runtime.errors import ConfigError, LinkError, PolicyError
+from twinscrew.runtime.recording.recording import find_recordings
 from twinscrew.runtime.vessel.config import RuntimeConfig
 from twinscrew.runtime.vessel.lockstep import Step
+from twinscrew.runtime.vessel.replay import combined_sha256, replay
 
 BRIEF = replace(load_scenario("crossing"), time_limit_s=4.0)
 HERE = SitlSettings(sensor="vrx16", lockstep=True)

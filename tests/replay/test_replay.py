@@ -20,19 +20,19 @@ from tests.harness.circling import EPOCH_NS, Circling
 
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlSettings, sail
-from twinscrew.runtime.app.commands.replay import replay as replay_command
-from twinscrew.runtime.app.mcap_file import McapFile
-from twinscrew.runtime.app.recorder import Recorder
-from twinscrew.runtime.app.recording import find_recordings
-from twinscrew.runtime.app.replay import Replay, combined_sha256, replay
+from twinscrew.runtime.cli.replay import replay as replay_command
 from twinscrew.runtime.errors import ConfigError, RecordingError
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS, type_store
 from twinscrew.runtime.messages.types import Engagement, Goal
+from twinscrew.runtime.recording.files import McapFile
+from twinscrew.runtime.recording.recorder import Recorder
+from twinscrew.runtime.recording.recording import find_recordings
 from twinscrew.runtime.settings import CONFIG_DIR, convert
 from twinscrew.runtime.vessel.config import RuntimeConfig
 from twinscrew.runtime.vessel.mission import MissionSettings
 from twinscrew.runtime.vessel.outputs import Publisher
+from twinscrew.runtime.vessel.replay import Replay, combined_sha256, replay
 from twinscrew.runtime.vessel.summary import metadata_of
 from twinscrew.runtime.vessel.vessel import vessel_for_replay
 

@@ -14,13 +14,20 @@ from pathlib import Path
 from twinscrew.runtime.ground.stations import Stations
 from twinscrew.runtime.link.ardupilot import commands
 from twinscrew.runtime.link.ardupilot.authority import mode_name
-from twinscrew.runtime.link.ardupilot.events import (
+from twinscrew.runtime.link.ardupilot.listener import Listener, Trials
+from twinscrew.runtime.link.ardupilot.parameters import GCS_ID, OTHER_NAMES, ParameterState
+from twinscrew.runtime.link.ardupilot.settings import AutopilotSettings
+from twinscrew.runtime.link.ardupilot.thrust import RELEASED, STOP, LettingGo, Pair, Thrust, paddles
+from twinscrew.runtime.mavlink import Message, Signing, Wire, read_key
+from twinscrew.runtime.messages.types import HealthEvent, Odometry, Severity
+from twinscrew.runtime.safety.events import (
     ARMING_REFUSED,
     AUTOPILOT_DISARMED,
     AUTOPILOT_RECOVERED,
     AUTOPILOT_SAYS,
     AUTOPILOT_SILENT,
     FAILSAFE_HOLD,
+    GREATEST_DETAIL,
     MESSAGE_UNSENT,
     MODE_REFUSED,
     MODE_TAKEN,
@@ -30,14 +37,8 @@ from twinscrew.runtime.link.ardupilot.events import (
     PARAMETERS_WRONG,
     STREAM_SLOW,
     WRONG_VEHICLE,
+    EventKind,
 )
-from twinscrew.runtime.link.ardupilot.listener import Listener, Trials
-from twinscrew.runtime.link.ardupilot.parameters import GCS_ID, OTHER_NAMES, ParameterState
-from twinscrew.runtime.link.ardupilot.settings import AutopilotSettings
-from twinscrew.runtime.link.ardupilot.thrust import RELEASED, STOP, LettingGo, Pair, Thrust, paddles
-from twinscrew.runtime.mavlink import Message, Signing, Wire, read_key
-from twinscrew.runtime.messages.types import HealthEvent, Odometry, Severity
-from twinscrew.runtime.safety.events import GREATEST_DETAIL, EventKind
 
 # -- The health events of the autopilot link, by name; docs/mavlink.md tells what each one means.
 
@@ -325,8 +326,7 @@ class AutopilotLink:
         return self._override(pair)
 
     def take_outputs(self) -> Pair | None:
-        """Give what drives the propellers [us], left and right, if that was told since the last
-        call."""
+        """Give what drives the propellers [us], left and right, if it was told since last asked."""
         outputs, self._listener.new_outputs = self._listener.new_outputs, None
         return outputs
 

@@ -8,7 +8,7 @@ from msgspec.structs import replace as with_settings
 from tests.harness.circling import DATUM, EPOCH_NS, EXACT_GPS, FRAME, Circling, truth
 
 from twinscrew.hil_sim.sensors.navigation import ImuSettings, ReceiverSettings
-from twinscrew.runtime.estimation.estimator import KINDS, EstimationSettings, odometry
+from twinscrew.runtime.estimation.estimator import EstimationSettings, odometry
 from twinscrew.runtime.estimation.sensors import AntennaSettings, ImuSample, SensorSettings
 from twinscrew.runtime.estimation.wgs84 import Place
 from twinscrew.runtime.geometry import euler_from_quaternion
@@ -219,10 +219,6 @@ def test_a_better_receiver_counts_for_more():
     sigma = [float(np.sqrt(boat.sail(10.0).estimator.inertial.P[0, 0])) for boat in (good, bad)]
     assert sigma[0] < 0.05
     assert sigma[1] > 0.2
-
-
-def test_names_of_events_are_used_once():
-    assert len({kind.name for kind in KINDS}) == len(KINDS)
 
 
 def test_the_arm_to_the_imu_and_the_gyroscopes_bias_are_taken_away():

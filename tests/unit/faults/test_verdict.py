@@ -9,8 +9,7 @@ from twinscrew.hil_sim.faults.plan import Fault, Promise
 from twinscrew.hil_sim.faults.timeline import Timeline
 from twinscrew.hil_sim.faults.verdict import Verdict, judge
 from twinscrew.hil_sim.faults.witness import Witness
-from twinscrew.runtime.link.ardupilot.events import OVERRIDE_IGNORED
-from twinscrew.runtime.safety.events import LIDAR_STALE, STATE
+from twinscrew.runtime.safety.events import LIDAR_STALE, OVERRIDE_IGNORED, STATE
 
 BEGIN_S, END_S, NOW_S = 5.0, 7.0, 11.0
 STOPS = ((0.0, True), (5.4, False), (7.5, True))

@@ -5,8 +5,8 @@ import os
 import pytest
 
 from twinscrew.hil_sim.drivers.processes import RuntimeProcess
-from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.recording.settings import RecordingSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig
 
 

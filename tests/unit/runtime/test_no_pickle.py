@@ -96,7 +96,8 @@ def refuse(event, args):
 import numpy, onnxruntime, scipy, zenoh
 sys.addaudithook(refuse)
 from tests.replay.references import decide
-from twinscrew.runtime.app import approval, traffic
+from twinscrew.runtime.doctor import listening as traffic
+from twinscrew.runtime.vessel import approval
 from twinscrew.runtime.vessel import lockstep, realtime
 assert len(decide("ac_iqn")) > 20
 import pickle, pathlib

@@ -7,15 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twinscrew.runtime.estimation import estimator as estimation_events
-from twinscrew.runtime.link.ardupilot import events as link_events
 from twinscrew.runtime.safety import events
 from twinscrew.runtime.safety.events import GREATEST_DETAIL, LIDAR_STALE, EventKind
 from twinscrew.runtime.vessel.health import State
 
 ROOT = Path(__file__).parents[3]
 DOC = (ROOT / "docs" / "safety.md").read_text()
-MODULES = (events, link_events, estimation_events)
 CONTROLLER = "tests/unit/runtime/vessel/test_vessel.py"
 
 
@@ -29,16 +26,6 @@ def rows(title: str) -> list[list[str]]:
     return [row for row in cells[1:] if not set(row[0]) <= {"-"}]
 
 
-def kinds() -> dict[str, EventKind]:
-    found = [
-        value
-        for module in MODULES
-        for value in vars(module).values()
-        if isinstance(value, EventKind)
-    ]
-    return {kind.name: kind for kind in found}
-
-
 def named_tests() -> set[tuple[str, str]]:
     found = set(re.findall(r"`(tests/\S+?\.py)::(test_\w+)`", DOC))
     return found | {(CONTROLLER, name) for name in re.findall(r"`(test_\w+)`", DOC)}
@@ -46,15 +33,14 @@ def named_tests() -> set[tuple[str, str]]:
 
 def test_every_event_of_the_code_is_in_the_table_and_no_other() -> None:
     documented = {row[0].strip("`"): row[1] for row in rows("Events")}
-    assert documented == {name: kind.severity.value for name, kind in kinds().items()}
+    assert documented == {name: kind.severity.value for name, kind in events.KINDS.items()}
 
 
 def test_an_events_name_is_its_constants_and_its_meaning_a_sentence() -> None:
-    for module in MODULES:
-        for constant, kind in vars(module).items():
-            if isinstance(kind, EventKind):
-                assert kind.name == constant.lower()
-                assert kind.meaning.endswith(".")
+    for constant, kind in vars(events).items():
+        if isinstance(kind, EventKind):
+            assert kind.name == constant.lower()
+            assert kind.meaning.endswith(".")
 
 
 def test_every_state_is_in_the_table_and_no_other() -> None:
@@ -74,7 +60,7 @@ def test_events_in_running_text_are_events() -> None:
     words = set(re.findall(r"`([a-z]+_[a-z_]+)`", DOC))
     settings = {"max_message_mb", "command_rate_hz", "accept_parameters"}
     own = {name for _, name in named_tests()} | settings
-    assert words - own <= set(kinds())
+    assert words - own <= set(events.KINDS)
 
 
 @given(st.text(st.characters(codec=None)))

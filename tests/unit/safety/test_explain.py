@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlSettings, sail
-from twinscrew.runtime.app.recording import find_recordings
 from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Decision, Objects, Odometry, Tracks
+from twinscrew.runtime.recording.recording import find_recordings
 from twinscrew.runtime.safety.events import (
     ASSURANCE_INTERVENED,
     ASSURANCE_RELEASED,

@@ -16,7 +16,7 @@ from twinscrew.hil_sim.tracks.autoferry import (
     track,
 )
 from twinscrew.hil_sim.tracks.score import TrackScore, gospa
-from twinscrew.runtime.app.cli import main
+from twinscrew.runtime.cli.main import main
 from twinscrew.runtime.errors import ConfigError
 
 PERIODS = {1: 0.5, 2: 1.68, 4: 0.2}

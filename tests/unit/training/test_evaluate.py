@@ -12,7 +12,7 @@ import torch
 
 from twinscrew.export.command import describe
 from twinscrew.export.onnx_file import DeployedPolicy, onnx_bytes
-from twinscrew.runtime.app.cli import main
+from twinscrew.runtime.cli.main import main
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.training.agents.ac_iqn import AcIqnSettings
 from twinscrew.training.environment import EnvironmentSettings, VectorEnv, steer_at_goal

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twinscrew.runtime.app.cli import main
+from twinscrew.runtime.cli.main import main
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.training.environment import EnvironmentSettings, steer_at_goal
 from twinscrew.training.evaluate import open_policy

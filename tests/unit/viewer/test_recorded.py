@@ -8,9 +8,9 @@ import pytest
 
 from twinscrew.hil_sim.viewer.sources import FRAME_S, Film, RecordedSource
 from twinscrew.hil_sim.viewer.wire import Part
-from twinscrew.runtime.app.recording import Recording, find_recordings
 from twinscrew.runtime.errors import RecordingError
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.recording.recording import Recording, find_recordings
 
 
 def picture(number):
@@ -104,7 +104,7 @@ def test_a_folder_without_a_recording_is_refused(tmp_path):
 
 
 def test_a_bag_that_nothing_of_can_be_shown_of_is_refused(tmp_path):
-    from twinscrew.runtime.app.bag import BagWriter
+    from twinscrew.runtime.recording.writer import BagWriter
 
     bag = BagWriter(tmp_path / "bag", "wamv", {})
     bag.close()

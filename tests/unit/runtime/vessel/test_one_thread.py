@@ -9,7 +9,7 @@ from twinscrew.runtime.vessel.one_thread import VARIABLES
 
 LOOK = """
 import json, os
-import twinscrew.runtime.app.commands.run
+import twinscrew.runtime.cli.run
 import numpy as np
 a = np.ones((400, 400))
 for _ in range(20):

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from tests.harness.boat import Steady, decided, make_pipeline, odometry
 
-from twinscrew.runtime.app.recording import DecisionHash
 from twinscrew.runtime.bus.base import MemoryBus, Received
 from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Decision
+from twinscrew.runtime.recording.recording import DecisionHash
 from twinscrew.runtime.safety.events import LIDAR_STALE, OVERRUN
 from twinscrew.runtime.vessel.outputs import (
     PATH_PLACES,

@@ -12,7 +12,6 @@ from tests.harness.boat import Boat, cloud, odometry, stamp
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.rover import Mode
-from twinscrew.runtime.app.recording_settings import RecordingSettings
 from twinscrew.runtime.bus.base import MemoryBus, Received
 from twinscrew.runtime.bus.zenoh import ZenohSettings
 from twinscrew.runtime.errors import LinkError, RecordingError
@@ -21,6 +20,7 @@ from twinscrew.runtime.link.transport import Transport
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.navigation import write_header
 from twinscrew.runtime.messages.wire import Writer
+from twinscrew.runtime.recording.settings import RecordingSettings
 from twinscrew.runtime.safety.events import GREATEST_DETAIL
 from twinscrew.runtime.vessel.config import RuntimeConfig
 from twinscrew.runtime.vessel.outputs import Publisher

@@ -1,1 +1,0 @@
-"""Configuration, pipeline, loop, recorder, replay and the command line."""

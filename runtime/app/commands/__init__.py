@@ -1,1 +1,0 @@
-"""The runtime's commands, one file each."""

@@ -1,0 +1,72 @@
+"""`twinscrew run`: one vessel's runtime, as it is deployed on the boat."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from twinscrew.runtime.vessel import one_thread  # noqa: F401  (before anything loads a library)
+
+# isort: split
+from twinscrew.runtime.vessel.approval import Approved, load_approved
+from twinscrew.runtime.vessel.process import StopRequest, at_end_of_input, take_priority
+
+if TYPE_CHECKING:
+    from twinscrew.runtime.vessel.vessel import Vessel
+
+
+def run(
+    config: Annotated[Path, typer.Option(help="The vessel's TOML file; see config/runtime.toml.")],
+    manifest: Annotated[
+        Path | None, typer.Option(help="Read only files that agree with this manifest.")
+    ] = None,
+    public_key: Annotated[
+        Path | None, typer.Option(help="The minisign key that must have signed the manifest.")
+    ] = None,
+    tethered: Annotated[
+        bool, typer.Option("--tethered", help="Stop, too, when standard input ends.")
+    ] = False,
+) -> None:
+    """Run one vessel's runtime until it is told to stop (SIGINT or SIGTERM)."""
+    serve(load_approved(config, manifest, public_key), config, tethered=tethered)
+
+
+def serve(
+    approved: Approved,
+    source: Path,
+    *,
+    tethered: bool = False,
+    until: Callable[[Vessel], bool] = lambda _vessel: False,
+) -> None:
+    """Run a vessel's runtime until a signal, or `until` says that it has done what it was for."""
+    stop = StopRequest()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, stop.make)
+    if tethered:
+        at_end_of_input(stop.make)
+    settings = approved.config
+    refused = take_priority(settings.priority)
+    for words in refused:
+        say(settings.name, f"ordinary priority: {words}")
+    from twinscrew.runtime.vessel.realtime import run_vessel  # Zenoh, after the priority
+
+    summary = run_vessel(
+        settings,
+        source=source,
+        stop=stop,
+        until=until,
+        refused=refused,
+        approval=str(approved.approval or ""),
+        ready=lambda: say(settings.name, "running"),
+    )
+    say(settings.name, f"{summary.decisions} decisions, stopped")
+
+
+def say(name: str, words: str) -> None:
+    """Tell the operator, at once."""
+    print(f"{name}: {words}", file=sys.stderr, flush=True)
