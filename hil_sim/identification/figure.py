@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from twinscrew.hil_sim.identification.identify import Identification
+from twinscrew.hil_sim.identification.model import STEPS
 from twinscrew.hil_sim.identification.recorded import DT_S
 
 
@@ -19,7 +20,7 @@ def draw(found: Identification, path: Path) -> None:
     figure = Figure(figsize=(11.0, 7.5), dpi=120, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(2, 2)
-    steps = np.arange(1, shown.measured.shape[1] + 1) * DT_S
+    steps = np.arange(1, shown.measured.shape[1] + 1) * STEPS * DT_S
     colours = {"measured": "0.2", "identified": "C0", "given": "C1"}
     for axis, column, unit in ((axes[0, 0], 3, "surge [m/s]"), (axes[0, 1], 5, "yaw rate [rad/s]")):
         for name, colour in colours.items():

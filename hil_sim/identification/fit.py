@@ -11,13 +11,21 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import savgol_filter
 
-from twinscrew.hil_sim.identification.model import DAY, HULL, Prior, Windows, predict, values
+from twinscrew.hil_sim.identification.model import (
+    DAY,
+    HULL,
+    STEPS,
+    Prior,
+    Windows,
+    predict,
+    values,
+)
 from twinscrew.hil_sim.identification.recorded import AHEAD_S, DT_S, Piece
 from twinscrew.runtime.vessel_description import VesselDescription
 
 Array = NDArray[np.float64]
 
-STRIDE_S: Final = 1.5
+STRIDE_S: Final = 3.0
 """[s] Between the beginnings of two windows."""
 BLOCK_S: Final = 12.0
 """[s] Every `HOLD_OUT`-th block of this length is held out of the fit and validates it."""
@@ -63,8 +71,8 @@ def _smoothed(state: Array) -> Array:
 class Problem:
     """Windows, commands and the vessel's file: what is to agree."""
 
-    EVERY: Final = 10
-    """[-] Every so many steps of a window count."""
+    EVERY: Final = 5
+    """[-] Every so many of the model's steps count."""
 
     def __init__(self, pieces: Sequence[Piece], vessel: VesselDescription) -> None:
         self.prior = Prior.of(vessel)
@@ -80,22 +88,30 @@ class Problem:
 
     def errors(self, theta: Array, windows: Windows) -> Array:
         """Give predicted less measured, (P, W, H', 6); positions along and across the beginning."""
-        found = values(theta, self.prior)
+        found, every = values(theta, self.prior), self.EVERY * STEPS
         states = predict(found, self.prior, windows, self.command, self.EVERY)
-        off = states - windows.measured[:, self.EVERY - 1 :: self.EVERY]
+        off = states - windows.measured[:, every - 1 :: every]
         c, s = np.cos(windows.start[:, 2]), np.sin(windows.start[:, 2])
         c, s = c[:, None], s[:, None]
         north, east = off[..., 0].copy(), off[..., 1].copy()
         off[..., 0], off[..., 1] = c * north + s * east, c * east - s * north
         return off
 
-    def fit(self, windows: Windows, free: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
-        """Fit, and give parameters (K,) and their covariance (K, K)."""
+    def fit(
+        self,
+        windows: Windows,
+        free: NDArray[np.bool_] | None = None,
+        begin: Array | None = None,
+    ) -> tuple[Array, Array]:
+        """Fit, and give parameters (K,) and their covariance (K, K).
+
+        `free` are the parameters to fit; `begin`, (K,), is where to look first.
+        """
         use = np.ones(len(self.sigma), dtype=np.bool_) if free is None else free
-        theta = np.zeros(len(self.sigma))
-        scale = np.tile(self.scale, (windows.measured.shape[1] // self.EVERY, 1))
+        theta = np.zeros(len(self.sigma)) if begin is None else begin
+        scale = np.tile(self.scale, (windows.measured.shape[1] // (self.EVERY * STEPS), 1))
         solution = None
-        for _ in range(3):  # weights follow from what was left over, sample by sample
+        for _ in range(2):  # weights follow from what was left over, sample by sample
             theta, solution = self._solve(theta, windows, use, scale)
             left = self.errors(theta[None], windows)[0]
             scale = np.maximum(1.4826 * np.median(np.abs(left), axis=0), 0.02 * self.scale)
@@ -136,7 +152,7 @@ class Problem:
             loss="soft_l1",
             ftol=1e-5,
             xtol=1e-4,
-            max_nfev=15,
+            max_nfev=10,
         )
         fitted = theta.copy()
         fitted[use] = solution.x
@@ -145,8 +161,10 @@ class Problem:
     def _covariance(
         self, theta: Array, windows: Windows, use: NDArray[np.bool_], scale: Array
     ) -> Array:
-        """Sandwich of the Gauss-Newton matrix and of the blocks' gradients: errors within a block
-        of time are one error (waves, gusts), not hundreds."""
+        """Give the sandwich of the Gauss-Newton matrix and of the blocks' gradients.
+
+        Errors within a block of time are one error (waves, gusts), not hundreds.
+        """
         sigma = self.sigma
         step = 1e-4 * sigma
         nudged = np.vstack([theta, theta + np.diag(step)])

@@ -5,10 +5,10 @@ diagonal drag (Fossen (2021), 3.3 and 6.4), propellers with a thrust curve, a de
 first-order lag, and the wind and current of the day.
 
 The fit is multiple shooting: the recording is cut into windows of 5 s, each is predicted from its
-measured beginning, and scipy's `least_squares` makes position, heading and velocities of all windows
-agree with what was measured. What is known beforehand (the vessel's file, each number with how far
-it may be wrong) enters as residuals, so that what the trials cannot tell stays where it was, and is
-named.
+measured beginning, and scipy's `least_squares` makes position, heading and velocities of all
+windows agree with what was measured. What is known beforehand (the vessel's file, each number with
+how far it may be wrong) enters as residuals, so that what the trials cannot tell stays where it
+was, and is named.
 
 Only ratios of force to mass can be seen in a motion. The mass is therefore taken as given, from a
 scale; a thrust that does not fit it is reported.
@@ -29,12 +29,14 @@ from numpy.typing import NDArray
 from twinscrew.hil_sim.identification.fit import BLOCK_S, Problem
 from twinscrew.hil_sim.identification.model import (
     DAY,
+    GRID,
     HULL,
-    SHARES,
+    STEPS,
     Values,
     Windows,
     predict,
     references,
+    steady_thrust,
     straight,
     values,
 )
@@ -91,7 +93,7 @@ class Estimate:
     """Of the interval that holds it with 95 %, if the model is right."""
     unit: str
     told: bool
-    """Whether the trials told it; else it is still what the vessel's file, or its estimate, says."""
+    """Whether the trials told it; else it is still about what the vessel's file says."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,9 +200,9 @@ def identify(
         )
     weather = np.array([name in {sway.name for sway in DAY} for name in problem.names])
     given, _ = problem.fit(train, weather)
-    theta, _ = problem.fit(train)
+    theta, _ = problem.fit(train, begin=given)
     validation, before = (_validation(problem, x, test) for x in (theta, given))
-    final, covariance = problem.fit(windows)
+    final, covariance = problem.fit(windows, begin=theta)
     draws = np.random.default_rng(0).multivariate_normal(final, covariance, size=400)
     draws = np.clip(draws, -4.0 * problem.sigma, 4.0 * problem.sigma)
     told = np.sqrt(np.diag(covariance)) < NOT_TOLD * problem.sigma
@@ -477,12 +479,12 @@ def _curve(found: Values, ahead: float, astern: float) -> list[list[float]]:
     points: list[tuple[float, float]] = [(0.0, 0.0)]
     for sign, side, full in ((1.0, 0, ahead), (-1.0, 1, astern)):
         dead = round(float(found.dead[0, side]), 4)
-        shape = found.curve[0, side]
-        if dead >= 0.005:
-            points.append((sign * dead, 0.0))
-        else:
+        if dead < 0.002:
             dead = 0.0
-        for at, share in zip(SHARES, shape, strict=True):
+        else:
+            points.append((sign * dead, 0.0))
+        rows = range(4, len(GRID), 4)
+        for at, share in zip(GRID[rows], found.curve[0, side, rows], strict=True):
             command = round(dead + (1.0 - dead) * float(at), 4)
             points.append((sign * command, sign * full * float(share)))
     points.sort()
@@ -509,29 +511,19 @@ def _shown(
     both = predict(
         values(np.vstack([theta, given]), problem.prior), problem.prior, test, problem.command
     )
-    off = both[..., :2] - test.measured[None, ..., :2]
+    measured = test.measured[:, STEPS - 1 :: STEPS]
+    off = both[..., :2] - measured[None, ..., :2]
     command = np.linspace(-1.0, 1.0, 81)
     every = values(np.vstack([final, draws[:200]]), problem.prior)
-    curves = np.array([_force(every, row, command) for row in range(201)])
+    curves = np.array([steady_thrust(every, row, command) for row in range(201)])
     known = np.array(problem.prior.vessel.thrusters.curve or straight(problem.prior.vessel))
     band = np.percentile(curves[1:], (2.5, 97.5), axis=0)
     return Shown(
         time_s=times[test.at] - times[0],
-        measured=test.measured,
+        measured=measured,
         identified=both[0],
         given=both[1],
         error_m=np.sqrt((off**2).sum(axis=-1).mean(axis=1)),
         command=command,
         curves=np.vstack([np.interp(command, *known.T), curves[0], band]),
     )
-
-
-def _force(found: Values, row: int, command: Array) -> Array:
-    """Give the steady thrust [N] of the left propeller at commands, (C,)."""
-    total = np.zeros_like(command)
-    for sign, side in ((1.0, 0), (-1.0, 1)):
-        dead = found.dead[row, side]
-        beyond = np.clip((sign * command - dead) / (1.0 - dead), 0.0, 1.0)
-        shape = np.concatenate([[0.0], found.curve[row, side]])
-        total += sign * found.full[row, side] * np.interp(beyond, [0.0, *SHARES], shape)
-    return total

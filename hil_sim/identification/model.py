@@ -20,10 +20,16 @@ from twinscrew.runtime.vessel_description import VesselDescription
 
 Array = NDArray[np.float64]
 
-SHARES: Final = np.array([0.25, 0.5, 0.75, 1.0])
-"""[-] Knots of the thrust curve between the dead band and full."""
+BENDS: Final = np.array([0.1, 0.25, 0.45, 0.7])
+"""[-] Where, between the dead band and full, the thrust may differ from the file's curve."""
+GRID: Final = np.linspace(0.0, 1.0, 41)
+"""[-] Where a curve is kept, between the dead band and full."""
 MOST_DEAD: Final = 0.3
 """[-] A dead band is not wider than this."""
+DEAD_SIGMA: Final = 0.05
+"""[-] How much wider or narrower than the file's a dead band may well be."""
+STEPS: Final = 2
+"""[-] The model's step, in steps of `DT_S`; the thrust is averaged over it."""
 LEAST_ADDED: Final = 0.05
 """[-] Added mass in surge and sway may differ from the file's by a factor of at least this share of
 the mass."""
@@ -48,15 +54,17 @@ HULL: Final = (
     Sway("yaw_drag", 1.0),
     Sway("yaw_linear_share", 1.5),
     Sway("thrust_ahead", 0.35),
-    Sway("ahead_1", 0.6),
+    Sway("ahead_1", 0.8),
     Sway("ahead_2", 0.6),
-    Sway("ahead_3", 0.6),
-    Sway("dead_ahead", 1.5),
+    Sway("ahead_3", 0.4),
+    Sway("ahead_4", 0.3),
+    Sway("dead_ahead", 1.0),
     Sway("thrust_astern", 0.5),
-    Sway("astern_1", 0.6),
+    Sway("astern_1", 0.8),
     Sway("astern_2", 0.6),
-    Sway("astern_3", 0.6),
-    Sway("dead_astern", 1.5),
+    Sway("astern_3", 0.4),
+    Sway("astern_4", 0.3),
+    Sway("dead_astern", 1.0),
     Sway("lag", 1.2),
     Sway("right_by_left", 0.05),
     Sway("wind_moment", 0.7),
@@ -77,7 +85,7 @@ class Prior:
 
     vessel: VesselDescription
     curve: Array
-    """[-] (2, 4) Shares of full thrust at `SHARES` beyond the dead band: ahead, astern."""
+    """[-] (2, 41) Shares of full thrust at `GRID` beyond the dead band: ahead, astern."""
     dead: Array
     """[-] (2,) Dead bands ahead and astern."""
     centre_m: float
@@ -86,17 +94,16 @@ class Prior:
     @classmethod
     def of(cls, vessel: VesselDescription) -> Prior:
         """Read a vessel's curve."""
-        curve, dead = np.empty((2, 4)), np.empty(2)
+        curve, dead = np.empty((2, len(GRID))), np.empty(2)
         pairs = np.array(vessel.thrusters.curve or straight(vessel))
         for row, sign in enumerate((1.0, -1.0)):
             at, force = sign * pairs[:, 0], sign * pairs[:, 1]
             order = np.argsort(at)
             at, force = at[order], np.maximum(force[order], 0.0)
             zero = at[(force <= 1e-9) & (at >= 0.0)]
-            dead[row] = min(max(float(zero.max()) if len(zero) else 0.0, 0.01), MOST_DEAD - 0.01)
-            full = max(float(force[-1]), 1e-9)
-            knots = dead[row] + (1.0 - dead[row]) * SHARES
-            curve[row] = np.maximum.accumulate(np.interp(knots, at, force) / full)
+            dead[row] = min(float(zero.max()) if len(zero) else 0.0, MOST_DEAD)
+            beyond = dead[row] + (1.0 - dead[row]) * GRID
+            curve[row] = np.interp(beyond, at, force) / max(float(force[-1]), 1e-9)
         return cls(vessel, curve, dead, float(join(vessel.parts).centre_B[0]))
 
 
@@ -118,7 +125,7 @@ class Values(NamedTuple):
     full: Array
     """[N] (P, 2) Of one propeller, ahead and astern, both positive."""
     curve: Array
-    """[-] (P, 2, 4)"""
+    """[-] (P, 2, 41) At `GRID`."""
     dead: Array
     """[-] (P, 2)"""
     lag: Array
@@ -163,19 +170,14 @@ def values(theta: Array, prior: Prior) -> Values:
             max(-thrusters.min_n, 1e-3) * np.exp(named["thrust_astern"]),
         ]
     )
-    curve = np.empty((len(theta), 2, 4))
+    curve = np.empty((len(theta), 2, len(GRID)))
     dead = np.empty((len(theta), 2))
     for row, side in enumerate(("ahead", "astern")):
-        steps = np.maximum(np.diff(prior.curve[row], prepend=0.0), 0.01)
-        bent = np.column_stack(
-            [*(np.exp(named[f"{side}_{k}"]) for k in (1, 2, 3)), np.ones(len(theta))]
-        )
-        curve[:, row] = np.cumsum(steps * bent, axis=1)
-        curve[:, row] /= curve[:, row, -1:]
-        share = prior.dead[row] / MOST_DEAD
-        dead[:, row] = MOST_DEAD * _logistic(
-            math.log(share / (1.0 - share)) + named[f"dead_{side}"]
-        )
+        bent = np.column_stack([*(named[f"{side}_{k}"] for k in (1, 2, 3, 4)), 0.0 * theta[:, 0]])
+        between = np.array([np.interp(GRID, [*BENDS, 1.0], bends) for bends in bent])
+        shape = np.maximum.accumulate(prior.curve[row] * np.exp(between), axis=1)
+        curve[:, row] = np.minimum(shape / np.maximum(shape[:, -1:], 1e-9), 1.0)
+        dead[:, row] = np.clip(prior.dead[row] + DEAD_SIGMA * named[f"dead_{side}"], 0, MOST_DEAD)
     days = (theta.shape[1] - len(HULL)) // len(DAY)
     day = theta[:, len(HULL) :].reshape(len(theta), days, len(DAY))
     windage = np.tile(
@@ -213,17 +215,20 @@ def _logistic(x: Array) -> Array:
     return 1.0 / (1.0 + np.exp(-x))
 
 
-def thrust(found: Values, row: int, command: Array) -> Array:
-    """Give each step's mean thrust, (T, 2) [N], after curve and lag, of the candidate `row`."""
-    knots = np.concatenate([[0.0], SHARES])
-    forces = np.empty_like(command)
+def steady_thrust(found: Values, row: int, command: Array) -> Array:
+    """Give the left propeller's thrust [N] at commands of any shape, by the candidate `row`."""
+    total = np.zeros_like(command)
     for sign, side in ((1.0, 0), (-1.0, 1)):
         dead = found.dead[row, side]
         beyond = np.clip((sign * command - dead) / (1.0 - dead), 0.0, 1.0)
-        shape = np.concatenate([[0.0], found.curve[row, side]])
-        part = found.full[row, side] * np.interp(beyond, knots, shape)
-        forces = part if side == 0 else np.where(command < 0.0, -part, forces)
-    forces = forces * np.array([1.0, found.right[row]])
+        pushes = np.where(sign * command > dead, np.interp(beyond, GRID, found.curve[row, side]), 0)
+        total += sign * found.full[row, side] * pushes
+    return total
+
+
+def thrust(found: Values, row: int, command: Array) -> Array:
+    """Give each step's mean thrust, (T, 2) [N], after curve and lag, of the candidate `row`."""
+    forces = steady_thrust(found, row, command) * np.array([1.0, found.right[row]])
     lag = float(found.lag[row])
     keep = math.exp(-DT_S / lag)
     # The thrust at each step's end, from the command that was held during the step.
@@ -270,13 +275,16 @@ def predict(found: Values, prior: Prior, windows: Windows, command: Array, every
 
     Returns
     -------
-    states : (P, W, H / every, 6) float64
-        Pose and velocities over ground, after every so many steps.
+    states : (P, W, H / STEPS / every, 6) float64
+        Pose and velocities over ground, after every so many of the model's steps.
     """
     count, steps = len(found.lag), windows.measured.shape[1]
+    dt = STEPS * DT_S
     lever = prior.vessel.lever_m
     rows = windows.at[:, None] + np.arange(steps)
     pushes = np.stack([thrust(found, p, command)[rows] for p in range(count)])
+    steps //= STEPS
+    pushes = pushes[:, :, : steps * STEPS].reshape(count, -1, steps, STEPS, 2).mean(axis=3)
     surge_n = pushes.sum(axis=-1)
     yaw_nm = lever * (pushes[..., 0] - pushes[..., 1])
     current = found.current_N[:, windows.day]
@@ -315,9 +323,9 @@ def predict(found: Values, prior: Prior, windows: Windows, command: Array, every
     out = np.empty((count, len(windows.at), steps // every, 6))
     for k in range(steps):  # Heun's method
         first = slope(psi, u, v, r, k)
-        middle = (psi + DT_S * first[2], u + DT_S * first[3], v + DT_S * first[4])
-        second = slope(*middle, r + DT_S * first[5], k)
-        half = 0.5 * DT_S
+        middle = (psi + dt * first[2], u + dt * first[3], v + dt * first[4])
+        second = slope(*middle, r + dt * first[5], k)
+        half = 0.5 * dt
         n, e = n + half * (first[0] + second[0]), e + half * (first[1] + second[1])
         psi = psi + half * (first[2] + second[2])
         u, v = u + half * (first[3] + second[3]), v + half * (first[4] + second[4])

@@ -73,6 +73,8 @@ ZIGZAGS: Final = ((10.0, 0.15), (20.0, 0.3))
 """[deg, -] By how much the heading changes, and by how much of the greatest thrust ahead each
 propeller differs from the mean, which is `ZIGZAG_MEAN` of it."""
 ZIGZAG_MEAN: Final = 0.5
+RUN_UP: Final = 0.4
+"""[-] Share of a straight run's time that comes before a zig-zag."""
 SWITCHES: Final = 5
 """[-] How often a zig-zag changes sides."""
 CIRCLES: Final = ((0.4, 0.0), (1.0, 0.2))
@@ -180,6 +182,7 @@ class Trial:
         self._time_s = vessel.length_m / vessel.top_speed_mps
         self._stop_s, self._stop_way_m = vessel.stopping(limits.max_n / max(self._time_s, 0.2))
         self._speed_limit = settings.speed_limit_mps or 1.5 * vessel.top_speed_mps
+        self._spare_m = spare_m(vessel)
         self._clearance = settings.clearance_m or 2.0 * vessel.length_m
         inertia, lever = vessel.plane_inertia[2], vessel.lever_m
         # A control of the heading that needs all of `HOLD` for half a radian, damped critically,
@@ -270,7 +273,7 @@ class Trial:
         else:
             self._box = self.settings.box_m
         self._begin_s = now.time_s
-        spare = SPARE_LENGTHS * self._vessel.length_m
+        spare = self._spare_m
         if self._to_edge(now.place_N) < spare:
             self._end(
                 TRIAL_REFUSED,
@@ -320,14 +323,19 @@ class Trial:
         p, q = place_N
         return float(min(p - south, north - p, q - west, east - q))
 
-    def _edge_is_near(self) -> bool:
-        """Tell whether the boat has to brake now so as to stay in the box."""
+    def _edge_is_near(self, since_s: float = -math.inf) -> bool:
+        """Tell whether the boat has to brake now so as to stop well within the box.
+
+        A manoeuvre that has just begun, at `since_s`, may still carry the boat away from the edge.
+        """
         now = self._now_
-        if now.speed < 1.5 * STILL * self._vessel.top_speed_mps:
-            return False  # it drifts; whether it drifts out, `_watch` sees
+        if now.time_s < since_s + 3.0 * self._time_s + 1.0 or now.speed < 1e-3:
+            return False
         share = now.speed / self._vessel.top_speed_mps
-        way = share * (self._stop_way_m + now.speed * 0.5) + 2.0 * self._vessel.length_m
-        return self._to_edge(now.place_N + now.course_N / now.speed * way) < 0.0
+        way = share * (self._stop_way_m + now.speed * 0.5)
+        stops_N = now.place_N + now.course_N / now.speed * way
+        outward = self._to_edge(stops_N) < self._to_edge(now.place_N)
+        return outward and self._to_edge(stops_N) < 0.6 * self._spare_m
 
     def _abort(self, kind: EventKind, detail: str) -> None:
         self._script = self._brake(self._now_.heading)
@@ -382,7 +390,8 @@ class Trial:
         mean = ZIGZAG_MEAN * self._top
         for degrees, share in ZIGZAGS:
             angle, differs = math.radians(degrees), share * self._top
-            yield from self._run(mean, f"zig-zag {degrees:.0f}/{degrees:.0f}")
+            words = f"zig-zag {degrees:.0f}/{degrees:.0f}"
+            yield from self._run(mean, words, share=RUN_UP)
             straight, side, switches = self._now_.turned, 1.0, 0
             over = self._timer(30.0)
             while switches < SWITCHES and not (over() or self._edge_is_near()):
@@ -421,16 +430,19 @@ class Trial:
 
     # -- What they are made of.
 
-    def _run(self, thrust_N: float, words: str) -> Script:
-        """Point along the box, then run straight until the speed is steady."""
+    def _run(self, thrust_N: float, words: str, *, share: float = 1.0) -> Script:
+        """Point along the box, then run straight for a share of the time until it is steady."""
+        if self._to_edge(self._now_.place_N + self._now_.course_N * 10.0 * self._time_s) < 0.0:
+            yield from self._back_to_the_middle()  # it would drift out while it turns
         yield from self._face(words, astern=thrust_N < 0.0)
-        heading, over = self._now_.heading, self._timer(_steady_s(self._vessel))
-        while not (over() or self._edge_is_near()):
+        heading, over = self._now_.heading, self._timer(share * _steady_s(self._vessel))
+        since_s = self._now_.time_s
+        while not (over() or self._edge_is_near(since_s)):
             yield self._pair(thrust_N, self._correction(heading))
 
     def _turn(self, mean_N: float, differs_N: float) -> Script:
-        begin, over = self._now_.turned, self._timer(40.0)
-        while not (over() or self._edge_is_near()):
+        begin, over, since_s = self._now_.turned, self._timer(40.0), self._now_.time_s
+        while not (over() or self._edge_is_near(since_s)):
             if abs(self._now_.turned - begin) >= CIRCLE_RAD:
                 break
             yield self._pair(mean_N, differs_N)
@@ -461,7 +473,7 @@ class Trial:
         yield from self._face("back to the middle of the box")
         over = self._timer(20.0)
         while np.hypot(*(offset := self._from_middle())) > 0.7 * enough_m and not over():
-            yield self._pair(0.4 * self._top, self._correction(math.atan2(-offset[1], -offset[0])))
+            yield self._pair(0.6 * self._top, self._correction(math.atan2(-offset[1], -offset[0])))
 
     def _from_middle(self) -> Float64:
         """[m] [N] Where the boat is, seen from the middle of the box."""
@@ -483,16 +495,18 @@ class Trial:
     @property
     def _top(self) -> float:
         """[N] Full ahead; less where the speed limit would be passed."""
-        vessel, limit = self._vessel, 0.8 * self._speed_limit
-        if limit >= vessel.top_speed_mps:
-            return self._limits.max_n
-        drag = (vessel.linear_drag[0] + vessel.quadratic_drag[0] * limit) * limit
-        return min(drag / 2.0, self._limits.max_n)
+        return min(self._allowed_n, self._limits.max_n)
 
     @property
     def _bottom(self) -> float:
-        """[N] Full astern."""
-        return self._limits.min_n
+        """[N] Full astern; less where the speed limit would be passed."""
+        return max(-self._allowed_n, self._limits.min_n)
+
+    @property
+    def _allowed_n(self) -> float:
+        """[N] Of each propeller, for 0.8 of the speed limit."""
+        vessel, limit = self._vessel, 0.8 * self._speed_limit
+        return 0.5 * (vessel.linear_drag[0] + vessel.quadratic_drag[0] * limit) * limit
 
     def _correction(self, heading: float) -> float:
         """[N] By how much the left propeller has to push more, and the right one less."""
@@ -530,6 +544,22 @@ def _steady_s(vessel: VesselDescription) -> float:
     return 3.0 * constant_s / unit_s + 3.0
 
 
+WIND_MPS: Final = 10.0
+"""[m/s] Trials have room for the drift in so much wind, between two manoeuvres."""
+
+
+def spare_m(vessel: VesselDescription) -> float:
+    """Give how much water is kept between where a manoeuvre ends and the box's edge [m].
+
+    It is for what a boat drifts abeam in a wind of `WIND_MPS` while it turns round.
+    """
+    linear, quadratic = vessel.linear_drag[1], vessel.quadratic_drag[1]
+    side_n = vessel.windage.across * WIND_MPS**2
+    drift = 2.0 * side_n / (linear + math.sqrt(linear**2 + 4.0 * quadratic * side_n) + 1e-9)
+    unit_s = vessel.length_m / vessel.top_speed_mps
+    return SPARE_LENGTHS * vessel.length_m + drift * (10.0 * unit_s + 4.0)
+
+
 def room_m(name: str, vessel: VesselDescription) -> float:
     """Give how far a trial's water must reach from its centre, to each of four sides [m].
 
@@ -540,6 +570,6 @@ def room_m(name: str, vessel: VesselDescription) -> float:
     unit_s = vessel.length_m / vessel.top_speed_mps
     run = vessel.top_speed_mps * _steady_s(vessel) * unit_s
     stop = vessel.stopping(vessel.thrusters.max_n / max(unit_s, 0.2))[1]
-    circle = 7.0 * vessel.length_m
-    spare = SPARE_LENGTHS * vessel.length_m
+    spare = spare_m(vessel)
+    circle = 6.0 * vessel.length_m + spare
     return math.ceil(circle if name == "circle" else max(0.6 * (run + stop) + spare, circle))
