@@ -16,18 +16,17 @@ from rich.markup import escape
 from twinscrew.export.card import scores, write_card
 from twinscrew.export.onnx_file import (
     FORMAT,
-    INPUTS,
-    RISK,
     DeployedPolicy,
+    inputs_of,
     onnx_bytes,
 )
 from twinscrew.export.parity import check_parity
 from twinscrew.export.run_dir import load_run, which_checkpoint
-from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
 from twinscrew.training import runs
 from twinscrew.training.agents import algorithm
 from twinscrew.training.environment import RATE_LIMIT
 from twinscrew.training.evaluate import open_policy, validate
+from twinscrew.training.perception import Layout
 from twinscrew.training.settings import TrainSettings, phase_settings
 
 
@@ -69,9 +68,9 @@ def export(
         )
     deployed = DeployedPolicy(policy, RATE_LIMIT)
     metadata = describe(settings, "/".join(run_dir.resolve().parts[-2:]), deployed.risk)
-    data = onnx_bytes(deployed, metadata)
+    data = onnx_bytes(deployed, metadata, layout_shown(settings))
     runs.replace_file(out, lambda file: file.write(data))
-    parity = check_parity(deployed, out)
+    parity = check_parity(deployed, out, layout_shown(settings))
     console.print(
         f"{escape(str(out))}: {parity.max_difference_n_per_s:.2g} N/s from the network over "
         f"{parity.observations} observations, {parity.decision_ms:.3f} ms a decision"
@@ -92,9 +91,16 @@ def export(
 
 def describe(settings: TrainSettings, run: str, risk: float | None = None) -> dict[str, str]:
     """Give the metadata of a policy file: strings, as ONNX wants them."""
-    inputs = INPUTS if risk is None else {**INPUTS, "risk": {**RISK, "default": risk}}
-    environment = settings.environment
+    environment, layout = settings.environment, layout_shown(settings)
+    inputs = inputs_of(layout, risk, any_hull=layout.extended)
     vessel = environment.vessel
+    ranges = {"perception_range_m": str(environment.range_m)}
+    if layout.extended:
+        ranges = {
+            "perception_range_m": str(environment.strangers.far_range_m),
+            "perception_range_min_m": str(environment.range_m),
+            "vessel": "any",
+        }
     return {
         "twinscrew_format": FORMAT,
         "algorithm": algorithm(settings.agent),
@@ -102,8 +108,8 @@ def describe(settings: TrainSettings, run: str, risk: float | None = None) -> di
         "thrust_min_n": str(vessel.thrust_min_n),
         "thrust_max_n": str(vessel.thrust_max_n),
         "thrust_rate_max_n_per_s": str(RATE_LIMIT),
-        "observed_objects": str(OBSERVED_OBJECTS),
-        "perception_range_m": str(environment.range_m),
+        "observed_objects": str(layout.objects),
+        **ranges,
         "radius_margin": str(settings.radius_margin),
         "inputs": json.dumps(inputs),
         "training_run": run,
@@ -111,6 +117,11 @@ def describe(settings: TrainSettings, run: str, risk: float | None = None) -> di
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "torch": torch.__version__,
     }
+
+
+def layout_shown(settings: TrainSettings) -> Layout:
+    """Give what a run's policy is shown."""
+    return Layout(settings.environment.observed_objects, settings.environment.extended)
 
 
 def _commit() -> str:

@@ -4,43 +4,97 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import Any
 
+import numpy as np
 import onnx
 import torch
 from torch import Tensor, nn
 
 from twinscrew.runtime.errors import PolicyError
-from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
-from twinscrew.training.networks import Observations, Pilot
-from twinscrew.training.perception import EGO_COLUMNS, OBJECT_COLUMNS
+from twinscrew.runtime.policy.hull_units import HULL_COLUMNS, HULL_UNITS
+from twinscrew.training.networks import DEFAULT_HULL, Observations, Pilot, circles
+from twinscrew.training.perception import (
+    EGO_COLUMNS,
+    OBJECT_COLUMNS,
+    OUTLINE_COLUMNS,
+    PAPER,
+    Layout,
+)
 
 OPSET = 18
 FORMAT = "1"
 """[-] Version of the inputs, the output and the metadata that a reader has to know."""
 
-INPUTS = {
-    "ego": {
-        "shape": ["N", EGO_COLUMNS],
-        "frame": "B",
-        "columns": ["goal_x", "goal_y", "surge", "sway", "yaw_rate", "thrust_left", "thrust_right"],
-        "units": ["m", "m", "m/s", "m/s", "rad/s", "N", "N"],
-    },
-    "objects": {
-        "shape": ["N", OBSERVED_OBJECTS, OBJECT_COLUMNS],
-        "frame": "B",
-        "columns": ["x", "y", "velocity_x", "velocity_y", "radius"],
-        "units": ["m", "m", "m/s", "m/s", "m"],
-    },
-    "mask": {
-        "shape": ["N", OBSERVED_OBJECTS],
-        "frame": "-",
-        "columns": ["present"],
-        "units": ["-"],
-    },
-}
-RISK = {"shape": ["N", 1], "frame": "-", "columns": ["alpha"], "units": ["-"]}
+
+def inputs_of(layout: Layout, risk: float | None, *, any_hull: bool = False) -> dict[str, Any]:
+    """Describe a policy's inputs: shape, frame, columns and units of each, and what is left out.
+
+    Parameters
+    ----------
+    layout
+        What it is shown.
+    risk
+        [-] The level that holds where none is given; None: it takes none.
+    any_hull
+        Units are the hull's own: lengths are divided by its unit of length, and so on.
+    """
+    k = layout.objects
+    inputs: dict[str, Any] = {
+        "ego": {
+            "shape": ["N", EGO_COLUMNS],
+            "frame": "B",
+            "columns": [
+                *("goal_x", "goal_y", "surge", "sway", "yaw_rate", "thrust_left", "thrust_right")
+            ],
+            "units": ["m", "m", "m/s", "m/s", "rad/s", "N", "N"],
+        },
+        "objects": {
+            "shape": ["N", k, OBJECT_COLUMNS],
+            "frame": "B",
+            "columns": ["x", "y", "velocity_x", "velocity_y", "radius"],
+            "units": ["m", "m", "m/s", "m/s", "m"],
+        },
+        "mask": {"shape": ["N", k], "frame": "-", "columns": ["present"], "units": ["-"]},
+    }
+    if layout.extended:
+        inputs["outlines"] = {
+            "shape": ["N", k, OUTLINE_COLUMNS],
+            "frame": "B",
+            "columns": ["half_length", "half_beam", "heading"],
+            "units": ["m", "m", "rad"],
+            "default": "0: every object is a circle",
+        }
+        inputs["hull"] = {
+            "shape": ["N", len(HULL_COLUMNS)],
+            "frame": "-",
+            "columns": list(HULL_COLUMNS),
+            "units": list(HULL_UNITS),
+            "default": [round(value, 6) for value in DEFAULT_HULL],
+        }
+    if risk is not None:
+        inputs["risk"] = {
+            "shape": ["N", 1],
+            "frame": "-",
+            "columns": ["alpha"],
+            "units": ["-"],
+            "default": risk,
+        }
+    if any_hull:
+        for one in inputs.values():
+            one["scale"] = SCALE
+    return inputs
+
+
+SCALE = (
+    "in the hull's own units: divide lengths by l, times by t, forces by f, and what is made of "
+    "them accordingly (speeds by l / t); multiply the answer by f / t and the period by t; "
+    "t = max((length / 5 m) / (top speed / 3.3 m/s), 0.4), l = t top speed / 3.3 m/s, "
+    "f = greatest thrust / 1000 N: all 1 for the default vessel"
+)
+"""How a policy for any hull is fed; `runtime.policy.hull_units.units_of` is the same."""
 OUTPUT = "thrust_rate"
 
 
@@ -59,15 +113,25 @@ class DeployedPolicy(nn.Module):
         return None if self.pilot.risk is None else float(self.pilot.risk)
 
     def forward(
-        self, ego: Tensor, objects: Tensor, mask: Tensor, risk: Tensor | None = None
+        self,
+        ego: Tensor,
+        objects: Tensor,
+        mask: Tensor,
+        outlines: Tensor | None = None,
+        hull: Tensor | None = None,
+        risk: Tensor | None = None,
     ) -> Tensor:
         """Give thrust rates (N, 2) [N/s], left and right, at risk levels (N, 1), if any."""
-        action: Tensor = self.pilot(Observations(ego, objects, mask), risk)
+        seen = circles(ego, objects, mask)
+        if outlines is not None and hull is not None:
+            hull = hull.expand(ego.shape[0], -1)
+            seen = Observations(ego, objects, mask, outlines, hull)
+        action: Tensor = self.pilot(seen, risk)
         return action * self.rate_max
 
 
-def example_inputs(count: int, seed: int) -> tuple[Tensor, Tensor, Tensor]:
-    """Give random, plausible raw inputs: goals, speeds, thrusts, and 0 to 5 objects in range."""
+def example_inputs(count: int, seed: int, layout: Layout = PAPER) -> Observations:
+    """Give random, plausible inputs: goals, speeds, thrusts, and up to K objects in range."""
     generator = torch.Generator().manual_seed(seed)
 
     def uniform(low: float, high: float, *shape: int) -> Tensor:
@@ -76,15 +140,24 @@ def example_inputs(count: int, seed: int) -> tuple[Tensor, Tensor, Tensor]:
     goal, velocity = uniform(-50, 50, count, 2), uniform(-1, 3.3, count, 2)
     yaw_rate, thrust = uniform(-0.8, 0.8, count, 1), uniform(-500, 1000, count, 2)
     ego = torch.cat([goal, velocity, yaw_rate, thrust], dim=1)
-    shape = (count, OBSERVED_OBJECTS)
+    shape = (count, layout.objects)
     position, drift = uniform(-20, 20, *shape, 2), uniform(-3, 3, *shape, 2)
     objects = torch.cat([position, drift, uniform(0.5, 3.0, *shape, 1)], dim=2)
-    present = torch.randint(0, OBSERVED_OBJECTS + 1, (count, 1), generator=generator)
-    mask = (torch.arange(OBSERVED_OBJECTS) < present).float()
-    return ego, objects * mask[:, :, None], mask
+    present = torch.randint(0, layout.objects + 1, (count, 1), generator=generator)
+    mask = (torch.arange(layout.objects) < present).float()
+    seen = circles(ego, objects * mask[:, :, None], mask)
+    if not layout.extended:
+        return seen
+    half, heading = uniform(0.5, 10, *shape, 2), uniform(-3, 3, *shape, 1)
+    outlined = uniform(0, 1, *shape, 1) < 0.5
+    outlines = torch.cat([half, heading], dim=2) * mask[:, :, None] * outlined
+    hull = seen.hull * uniform(0.7, 1.4, count, seen.hull.shape[1])
+    return seen._replace(outlines=outlines, hull=hull)
 
 
-def onnx_bytes(policy: DeployedPolicy, metadata: Mapping[str, str]) -> bytes:
+def onnx_bytes(
+    policy: DeployedPolicy, metadata: Mapping[str, str], layout: Layout = PAPER
+) -> bytes:
     """Trace a policy into ONNX (opset 18, any batch size) and attach its metadata.
 
     Raises
@@ -95,10 +168,14 @@ def onnx_bytes(policy: DeployedPolicy, metadata: Mapping[str, str]) -> bytes:
     for key, value in metadata.items():
         if not isinstance(value, str):
             raise PolicyError(f"metadata {key!r} must be a string, got {value!r}")
-    model = _trace(policy.eval())
+    model = _trace(policy.eval(), layout)
     _strip(model)
+    if layout.extended:
+        circles_only = [1, layout.objects, OUTLINE_COLUMNS]
+        _give_default(model.graph, "outlines", circles_only, np.zeros(circles_only).ravel())
+        _give_default(model.graph, "hull", [1, len(DEFAULT_HULL)], DEFAULT_HULL)
     if policy.risk is not None:
-        _give_default(model.graph, "risk", policy.risk)
+        _give_default(model.graph, "risk", [1, 1], [policy.risk])
     onnx.helper.set_model_props(model, dict(metadata))
     try:
         onnx.checker.check_model(model, full_check=True)
@@ -107,18 +184,27 @@ def onnx_bytes(policy: DeployedPolicy, metadata: Mapping[str, str]) -> bytes:
     return bytes(model.SerializeToString())
 
 
-def _trace(policy: DeployedPolicy) -> onnx.ModelProto:
+def _trace(policy: DeployedPolicy, layout: Layout) -> onnx.ModelProto:
     batch = torch.export.Dim("N", min=1)
-    # One level for all rows: the graph then broadcasts it, and so takes one a row as well.
-    risk = () if policy.risk is None else (torch.full((1, 1), policy.risk),)
+    example = example_inputs(2, 0, layout)
+    # What has a default is traced as one row for all: the graph then broadcasts it, and so takes
+    # one a row as well.
+    fed: dict[str, tuple[Tensor, dict[int, Any] | None]] = {
+        name: (getattr(example, name), {0: batch}) for name in ("ego", "objects", "mask")
+    }
+    if layout.extended:
+        fed |= {"outlines": (example.outlines[:1], None), "hull": (example.hull[:1], None)}
+    if policy.risk is not None:
+        fed["risk"] = (torch.full((1, 1), policy.risk), None)
+    shapes = {name: shape for name, (_, shape) in fed.items()}
     with _quiet_exporter():
         program = torch.onnx.export(
             policy,
-            (*example_inputs(2, seed=0), *risk),
-            input_names=[*INPUTS, "risk"][: 3 + len(risk)],
+            kwargs={name: tensor for name, (tensor, _) in fed.items()},
+            input_names=list(fed),
             output_names=[OUTPUT],
             opset_version=OPSET,
-            dynamic_shapes=(*({0: batch} for _ in INPUTS), *(None for _ in risk)),
+            dynamic_shapes=shapes,
             dynamo=True,
             verbose=False,
             external_data=False,
@@ -127,15 +213,18 @@ def _trace(policy: DeployedPolicy) -> onnx.ModelProto:
     return program.model_proto
 
 
-def _give_default(graph: onnx.GraphProto, name: str, value: float) -> None:
-    """Give an input, (N, 1), a default: who does not feed it gets `value` in every row.
+def _give_default(
+    graph: onnx.GraphProto, name: str, shape: Sequence[int], values: Iterable[float]
+) -> None:
+    """Give an input, (N, ...), a default: who does not feed it gets `values` in every row.
 
     In ONNX that is an initializer of the input's name.
     """
     node = next(node for node in graph.input if node.name == name)
     node.type.tensor_type.shape.dim[0].Clear()
     node.type.tensor_type.shape.dim[0].dim_param = "N"
-    graph.initializer.append(onnx.helper.make_tensor(name, onnx.TensorProto.FLOAT, [1, 1], [value]))
+    made = onnx.helper.make_tensor(name, onnx.TensorProto.FLOAT, list(shape), list(values))
+    graph.initializer.append(made)
 
 
 def _strip(model: onnx.ModelProto) -> None:

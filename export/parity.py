@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,11 +11,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from twinscrew.export.onnx_file import INPUTS, OUTPUT, DeployedPolicy, example_inputs
+from twinscrew.export.onnx_file import OUTPUT, DeployedPolicy, example_inputs
 from twinscrew.runtime.errors import PolicyError
+from twinscrew.runtime.policy.onnx import graph_inputs
 from twinscrew.runtime.policy.onnx_runtime import ort
 from twinscrew.training.environment import EnvironmentSettings, VectorEnv
-from twinscrew.training.networks import Observations, unpack
+from twinscrew.training.networks import Observations, circles, unpack
+from twinscrew.training.perception import PAPER, Layout
 from twinscrew.training.scenarios import ScenarioSettings
 
 TOLERANCE_N_PER_S = 0.05
@@ -40,20 +43,28 @@ class OnnxFile:
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 4  # fatal only: what goes wrong is raised
         self._session = ort.InferenceSession(str(file), options, ["CPUExecutionProvider"])
+        self._inputs = {node.name for node in graph_inputs(self._session)}
 
     def rates(self, observations: Observations, risk: Tensor | None = None) -> Tensor:
         """Give thrust rates, (N, 2) [N/s], at the file's own risk level or at these, (N, 1)."""
-        feed = {name: part.numpy() for name, part in zip(INPUTS, observations, strict=True)}
+        named = observations._asdict().items()
+        feed = {name: part.numpy() for name, part in named if name in self._inputs}
         if risk is not None:
             feed["risk"] = risk.numpy()
-        return torch.from_numpy(self._session.run([OUTPUT], feed)[0])
+        return self.asked({name: torch.from_numpy(part) for name, part in feed.items()})
+
+    def asked(self, feed: Mapping[str, Tensor]) -> Tensor:
+        """Give thrust rates, (N, 2) [N/s], for just these inputs."""
+        arrays = {name: part.numpy() for name, part in feed.items()}
+        return torch.from_numpy(self._session.run([OUTPUT], arrays)[0])
 
 
-def check_parity(policy: DeployedPolicy, file: Path) -> Parity:
+def check_parity(policy: DeployedPolicy, file: Path, layout: Layout = PAPER) -> Parity:
     """Compare a file with the network it was made from.
 
     On random observations and on some recorded in crowded episodes, in batches and one by one; a
-    policy that takes a risk level with its own and with a different one in every row.
+    policy that takes a risk level with its own and with a different one in every row; one that
+    takes outlines and a hull also without them.
 
     Raises
     ------
@@ -61,14 +72,18 @@ def check_parity(policy: DeployedPolicy, file: Path) -> Parity:
         They differ by more than `TOLERANCE_N_PER_S`.
     """
     session = OnnxFile(file)
-    batches = [Observations(*example_inputs(1000, seed=1)), recorded_observations()]
+    batches = [example_inputs(1000, 1, layout), recorded_observations(layout)]
     single = [Observations(*(part[k : k + 1] for part in batches[1])) for k in range(100)]
     with torch.no_grad():
         worst = max(
-            float((session.rates(batch, risk) - policy(*batch, risk)).abs().max())
+            float((session.rates(batch, risk) - policy(*batch, risk=risk)).abs().max())
             for batch in [*batches, *single]
             for risk in _levels(policy, len(batch.ego))
         )
+        if layout.extended:
+            plain = circles(*batches[0][:3])
+            fed = {"ego": plain.ego, "objects": plain.objects, "mask": plain.mask}
+            worst = max(worst, float((session.asked(fed) - policy(*plain)).abs().max()))
     if not worst <= TOLERANCE_N_PER_S:
         raise PolicyError(
             f"{file}: differs from the network by {worst:.3g} N/s; "
@@ -83,10 +98,15 @@ def _levels(policy: DeployedPolicy, rows: int) -> list[Tensor | None]:
     return [None] if policy.risk is None else [None, torch.linspace(1.0, 0.1, rows)[:, None]]
 
 
-def recorded_observations(decisions: int = 40, seed: int = 11) -> Observations:
+def recorded_observations(
+    layout: Layout = PAPER, decisions: int = 40, seed: int = 11
+) -> Observations:
     """Give what vessels see while they sail at random in the most crowded setting."""
     row = ScenarioSettings(robots=5, buoys=4, min_distance_m=40.0)
-    environment = VectorEnv(EnvironmentSettings(scenarios=(row,)), 8, seed)
+    settings = EnvironmentSettings(
+        scenarios=(row,), observed_objects=layout.objects, extended=layout.extended
+    )
+    environment = VectorEnv(settings, 8, seed)
     generator = np.random.default_rng(seed)
     seen, rows = environment.reset(), []
     for _ in range(decisions):

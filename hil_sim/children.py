@@ -5,7 +5,8 @@ from __future__ import annotations
 import signal
 import subprocess
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any
@@ -38,9 +39,18 @@ def undisturbed() -> Iterator[None]:
 
 def end(process: subprocess.Popen[Any], patience_s: float) -> None:
     """Ask a program to end, wait for it [s], and see to it."""
-    process.terminate()
-    try:
-        process.wait(patience_s)
-    except subprocess.TimeoutExpired:
-        process.kill()
+    end_all([process], patience_s)
+
+
+def end_all(processes: Sequence[subprocess.Popen[Any]], patience_s: float) -> None:
+    """Ask programs to end, wait for all of them together [s], and see to it."""
+    for process in processes:
+        process.terminate()
+    until_s = time.monotonic() + patience_s
+    for process in processes:
+        try:
+            process.wait(max(0.0, until_s - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            process.kill()
+    for process in processes:
         process.wait()

@@ -70,7 +70,7 @@ def sail(
         sailed = sail_with_faults(setup, plan)
     else:
         sailed = sail_in_real_time(setup)
-    report = _report(settings, sailed, time.monotonic() - begin_s)
+    report = _report(settings, sailed, sailed.result.ended_s - begin_s)
     if folder is not None:
         _draw(folder / "trajectories.png", scenario, sailed, report)
     return report

@@ -34,6 +34,7 @@ class SitlReport:
     vessels: tuple[VesselReport, ...]
     real_time_factor: float
     wall_s: float
+    """[s] From the start to the last vessel's outcome."""
     verdicts: tuple[tuple[str, Verdict], ...] = ()
     """By vessel: what was promised in case of faults, and what was measured."""
 

@@ -147,7 +147,7 @@ class FreeWater:
     def __init__(
         self,
         *,
-        sights: NDArray[np.float64],
+        boundary: NDArray[np.float64],
         heights: NDArray[np.float64],
         seen: NDArray[np.int64],
         begin: Sequence[float],
@@ -207,7 +207,7 @@ class CentroidModel:
         p: NDArray[np.float64],
         radius: NDArray[np.float64],
         points: NDArray[np.int64],
-        stand: tuple[float, float, float, float],
+        viewpoint: tuple[float, float, float, float],
     ) -> tuple[
         NDArray[np.float64],
         NDArray[np.float64],

@@ -6,7 +6,9 @@ import hashlib
 import hmac
 import struct
 import time
+from collections import Counter
 from collections.abc import Callable
+from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -14,7 +16,7 @@ from typing import Any, TypeAlias
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.permissions import require_private
+from twinscrew.runtime.files import require_private
 
 # -- MAVLink 2 message signing: a shared 32-byte key, and a clock that only goes forward.
 #
@@ -120,13 +122,18 @@ def authentic_time(
     state: Any, frame: bytes | bytearray, system_id: int, component_id: int
 ) -> int | None:
     """Give the timestamp of a frame that `is_authentic` would accept, or None; nothing changes."""
-    digest = hashlib.sha256(state.secret_key + frame[:-_SIGNATURE_LENGTH]).digest()
-    if not hmac.compare_digest(digest[:_SIGNATURE_LENGTH], bytes(frame[-_SIGNATURE_LENGTH:])):
+    if not is_signed_with(state.secret_key, frame):
         return None
     timestamp = int.from_bytes(frame[-12:-_SIGNATURE_LENGTH], "little")
     stream = _stream(frame, system_id, component_id)
     newest = state.stream_timestamps.get(stream, state.timestamp - NEW_STREAM_WINDOW)
     return timestamp if timestamp > newest else None
+
+
+def is_signed_with(key: bytes, frame: bytes | bytearray) -> bool:
+    """Tell whether a signed frame bears the signature of a key, whatever its time."""
+    digest = hashlib.sha256(key + frame[:-_SIGNATURE_LENGTH]).digest()
+    return hmac.compare_digest(digest[:_SIGNATURE_LENGTH], bytes(frame[-_SIGNATURE_LENGTH:]))
 
 
 def _stream(frame: bytes | bytearray, system_id: int, component_id: int) -> tuple[int, int, int]:
@@ -156,6 +163,14 @@ MOST_MESSAGES = 1000
 brings 400 between two ticks."""
 
 
+class Refusal(Enum):
+    """Why a whole frame was refused, where frames must be signed."""
+
+    UNSIGNED = "not signed with our key, or any"
+    OTHER_KEY = "signed with another key"
+    OLD = "signed with our key, but with a time that lies back: set both clocks"
+
+
 class Wire:
     """One end of a MAVLink connection.
 
@@ -172,6 +187,10 @@ class Wire:
         """[-] Frames refused so far: damaged, or not signed as they should be."""
         self.old_frames = 0
         """[-] How often what came began as a MAVLink 1 frame, which is not read."""
+        self.refused: Counter[Refusal] = Counter()
+        """How often whole frames of our vehicle's autopilot were refused, and why."""
+        self.hears_signed = False
+        """Whether it signs what it sends."""
         self._signing = signing
         self._codec = (
             mavlink.MAVLink(None, system_id, component_id)
@@ -179,6 +198,11 @@ class Wire:
             else signed_codec(system_id, component_id, signing)
         )
         self._buffer = bytearray()
+
+    @property
+    def signs(self) -> bool:
+        """Whether frames are signed, and unsigned ones refused."""
+        return self._signing is not None
 
     @property
     def system_id(self) -> int:
@@ -252,7 +276,10 @@ class Wire:
             return True
         self._signing.advance(self._codec)
         signed = bool(frame[2] & mavlink.MAVLINK_IFLAG_SIGNED)
-        return signed and authentic_time(self._codec.signing, frame, *sender) is not None
+        if signed and authentic_time(self._codec.signing, frame, *sender) is not None:
+            return True
+        self._note_refusal(frame)
+        return False
 
     def _whole_frame_after(self, start: int) -> int | None:
         """Give where the next frame lies that is complete and has its checksum, if one does."""
@@ -266,11 +293,26 @@ class Wire:
     def _decode_frame(self, frame: bytearray) -> Message | None:
         try:
             message = self._codec.decode(frame)
-            # one that the dialect does not know was not checked: it has no name to check it by
-            return None if message.get_msgId() == mavlink.MAVLINK_MSG_ID_UNKNOWN else message
         except (mavlink.MAVError, struct.error, ValueError):
             self.bad_frames += 1
+            self._note_refusal(frame)
             return None
+        if message.get_msgId() == mavlink.MAVLINK_MSG_ID_UNKNOWN:
+            return None  # it was not checked: it has no name to check it by
+        signed = frame[2] & mavlink.MAVLINK_IFLAG_SIGNED
+        if signed and message.get_srcSystem() == self.system_id:
+            self.hears_signed = True
+        return message
+
+    def _note_refusal(self, frame: bytes | bytearray) -> None:
+        sender = (self.system_id, mavlink.MAV_COMP_ID_AUTOPILOT1)
+        if self._signing is None or tuple(frame[5:7]) != sender or not _is_intact(frame, 0):
+            return
+        if not frame[2] & mavlink.MAVLINK_IFLAG_SIGNED:
+            self.refused[Refusal.UNSIGNED] += 1
+            return
+        ours = is_signed_with(self._signing.key, frame)
+        self.refused[Refusal.OLD if ours else Refusal.OTHER_KEY] += 1
 
 
 def _frame_length(buffer: bytes | bytearray, start: int) -> int | None:

@@ -20,7 +20,6 @@ from twinscrew.training.agents.base import Agent
 from twinscrew.training.environment import EnvironmentSettings, StepResult, VectorEnv
 from twinscrew.training.learner import Learner
 from twinscrew.training.networks import unpack
-from twinscrew.training.perception import PACKED_COLUMNS
 from twinscrew.training.replay import Step
 from twinscrew.training.scenarios import Mask
 
@@ -182,8 +181,8 @@ class Collector:
         return np.stack([one.disturb(row, agent, noisy, chance) for one, row, agent in mine])
 
     def _join(self, rows: Iterable[Float32]) -> Float32:
-        """Join what all vessels of all environments see, (E, V, 37), as (K, M, 37)."""
-        return np.concatenate([r.reshape(self._seeds, -1, PACKED_COLUMNS) for r in rows], axis=1)
+        """Join what all vessels of all environments see, (E, V, W), as (K, M, W)."""
+        return np.concatenate([r.reshape(self._seeds, -1, r.shape[-1]) for r in rows], axis=1)
 
     def _join_slots(self, values: Iterable[NDArray[Any]]) -> NDArray[Any]:
         """Join values of all vessels of all environments, (E, V), as (K, M)."""

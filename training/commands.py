@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import signal
 import sys
@@ -15,10 +16,12 @@ import typer
 if TYPE_CHECKING:  # the command line starts without numpy, torch and ONNX Runtime
     from types import FrameType
 
+    from twinscrew.runtime.policy.hull_units import HullUnits
     from twinscrew.training.environment import EnvironmentSettings
     from twinscrew.training.evaluate import BatchPolicy, Evaluation
     from twinscrew.training.scenarios import ScenarioSettings
     from twinscrew.training.settings import TrainSettings
+    from twinscrew.training.traffic import Traffic
 
 
 def train(
@@ -156,33 +159,55 @@ def evaluate(
         typer.Option(help="Folder of an experiment: its episodes, set by set.", metavar="DIR"),
     ] = None,
     traffic: Annotated[
-        Path | None,
-        typer.Option(help="JSON file: one own vessel among scripted others.", metavar="FILE"),
+        str | None,
+        typer.Option(
+            help="One own vessel among others that hold course and speed: a JSON file, or a set to "
+            "be drawn: slow, fast, large, anchored, imazu.",
+            metavar="FILE|SET",
+        ),
     ] = None,
     coriolis: Annotated[
         str,
         typer.Option(help="once: the paper's equation; twice: the authors' public environment."),
     ] = "once",
+    vessel: Annotated[
+        str | None,
+        typer.Option(
+            help="Whose hull it drives, a shipped vessel or a file; distances are as many lengths.",
+            show_default="wam_v",
+            metavar="NAME|FILE",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Score a policy in the training environment."""
     from twinscrew.runtime.errors import ConfigError
+    from twinscrew.runtime.policy.hull_units import units_of
     from twinscrew.runtime.policy.risk import parse_risk
     from twinscrew.runtime.settings import convert
+    from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
     from twinscrew.training.environment import EnvironmentSettings
-    from twinscrew.training.evaluate import open_policy
+    from twinscrew.training.evaluate import open_policy, sailed_by
     from twinscrew.training.scenarios import ScenarioSettings, published_distance_m, six_settings
+    from twinscrew.training.traffic import draw_traffic, read_traffic
 
-    environment = convert({"coriolis": coriolis}, EnvironmentSettings)
+    hull = load_vessel() if vessel is None else load_vessel(vessel)
+    environment = sailed_by(hull, convert({"coriolis": coriolis}, EnvironmentSettings))
+    units = units_of(hull, load_vessel())
     if on is not None or traffic is not None:
         if risks is not None or every or (on is not None and traffic is not None):
             key = "--on" if on is not None else "--traffic"
             raise ConfigError("given episodes are scored alone, at one level", key=key)
-        asked = open_policy(policy, parse_risk(risk))
+        if on is not None and hull.key != DEFAULT:
+            raise ConfigError("an experiment's episodes have vessels of their own", key="--vessel")
+        asked = open_policy(policy, parse_risk(risk), hull)
         if on is not None:
             _evaluate_on(on, asked, seed, environment, as_json=as_json)
         elif traffic is not None:
-            _evaluate_traffic(traffic, asked, seed, environment, as_json=as_json)
+            path = Path(traffic)
+            drawn = "." not in traffic and not path.exists()
+            met = draw_traffic(traffic, episodes, seed) if drawn else read_traffic(path)
+            _evaluate_traffic(met, asked, seed, environment, units, as_json=as_json)
         return
     distance = published_distance_m(robots) if min_distance is None else min_distance
     one = {"robots": robots, "buoys": buoys, "min_distance_m": distance}
@@ -191,14 +216,21 @@ def evaluate(
         raise ConfigError("give either one level or several", key="--risk, --risks")
     curve = {}
     for level in [risk] if risks is None else risks.split(","):
-        asked = open_policy(policy, parse_risk(level))
+        asked = open_policy(policy, parse_risk(level), hull)
         results = _evaluate(asked, rows, episodes, seed, environment)
+        results = tuple(in_seconds(result, units.time) for result in results)
         if not as_json:
             _print_table(rows, results, "" if level is None else f"risk {level}")
         records = [result.record() for result in results]
         curve[level] = {"settings": records} if every else records[0]
     if as_json:
         print(json.dumps(curve[risk] if risks is None else {"risks": curve}))
+
+
+def in_seconds(result: Evaluation, unit: float) -> Evaluation:
+    """Give a score with its travel time in seconds, found in a hull's own unit of time."""
+    time = result.travel_time_s
+    return dataclasses.replace(result, travel_time_s=None if time is None else time * unit)
 
 
 def _evaluate_on(
@@ -222,15 +254,21 @@ def _evaluate_on(
 
 
 def _evaluate_traffic(
-    file: Path, policy: BatchPolicy, seed: int, where: EnvironmentSettings, *, as_json: bool
+    traffic: Traffic,
+    policy: BatchPolicy,
+    seed: int,
+    where: EnvironmentSettings,
+    units: HullUnits,
+    *,
+    as_json: bool,
 ) -> None:
     """Score a policy on one own vessel among scripted others."""
     from rich.console import Console
     from rich.table import Table
 
-    from twinscrew.training.traffic import evaluate_traffic, read_traffic
+    from twinscrew.training.traffic import evaluate_traffic
 
-    answer = evaluate_traffic(policy, read_traffic(file), seed, where)
+    answer = evaluate_traffic(policy, traffic, seed, where, units)
     if as_json:
         print(json.dumps(answer))
         return

@@ -34,9 +34,22 @@ from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings
 from twinscrew.training import scenarios
 from twinscrew.training.episodes import Episodes, Stream, slot_stream
 from twinscrew.training.imperfections import Imperfections, ImperfectionSettings
-from twinscrew.training.perception import Noise, NoiseSettings, Observations, Perception
-from twinscrew.training.physics import RATE_LIMIT, ConditionSettings, Coriolis, Physics, State
-from twinscrew.training.scenarios import Index, MapSettings, Mask, ScenarioSettings
+from twinscrew.training.perception import Noise, NoiseSettings, Observations, Perception, Sight
+from twinscrew.training.physics import (
+    RATE_LIMIT,
+    ConditionSettings,
+    Coriolis,
+    Physics,
+    State,
+    draw_hulls,
+)
+from twinscrew.training.scenarios import (
+    Index,
+    MapSettings,
+    Mask,
+    ScenarioSettings,
+    StrangerSettings,
+)
 
 __all__ = ["RATE_LIMIT", "EnvironmentSettings", "StepResult", "VectorEnv", "steer_at_goal"]
 
@@ -80,6 +93,8 @@ class EnvironmentSettings(Settings, frozen=True):
     reward: RewardSettings = RewardSettings()
     conditions: ConditionSettings = ConditionSettings()
     imperfections: ImperfectionSettings = ImperfectionSettings()
+    strangers: StrangerSettings = StrangerSettings()
+    """What vessels are like that give no way, where a row of `scenarios` asks for any."""
     park: bool = False
     """Vessels that arrived stay at their goals as obstacles; as published they vanish."""
     period_s: Positive = 0.5
@@ -92,13 +107,16 @@ class EnvironmentSettings(Settings, frozen=True):
     """[m] Objects are perceived this far."""
     observed_objects: Count = OBSERVED_OBJECTS
     """[-] K: how many objects a vessel sees at most."""
+    extended: bool = False
+    """Observations hold the objects' outlines and the own hull's description too."""
     decision_limit: Count = 1000
     """[-] An episode is truncated after so many decisions."""
 
     @property
-    def shape(self) -> tuple[int, int]:
-        """V and M: room for the vessels and buoys of the largest row."""
-        return max(s.robots for s in self.scenarios), max(s.buoys for s in self.scenarios)
+    def shape(self) -> tuple[int, int, int]:
+        """V, M and T: room for the vessels, buoys and strangers of the largest row."""
+        rows = self.scenarios
+        return tuple(max(getattr(r, n) for r in rows) for n in ("robots", "buoys", "strangers"))
 
     def check(self, episodes: int, seeds: Sequence[int]) -> None:
         """Refuse settings that contradict each other, and a batch that cannot be.
@@ -196,22 +214,23 @@ class VectorEnv:
         numbers = range(first_slot, first_slot + episodes)
         slots = [(one, number) for one in seeds for number in numbers]
         self.episodes, self.auto_reset = len(slots), auto_reset
-        self.vessels, self.buoys = shape = s.shape
-        self.state = State(self.episodes, *shape, scripted)
+        self.vessels, self.buoys, strangers = s.shape
+        shape = (self.vessels, self.buoys, strangers)
+        others = strangers or scripted
+        self.state = State(self.episodes, self.vessels, self.buoys, others, s.vessel)
         """What is on the water now."""
-        radii = (s.vessel.radius, s.map.buoy_radius_m)
-        self.physics = Physics(
-            self.state, s.vessel, s.conditions, s.period_s, s.substep_s, radii[1], s.coriolis
-        )
-        pairs = (self.vessels, self.vessels + self.buoys + scripted)
+        buoy_radius, physics = s.map.buoy_radius_m, (s.period_s, s.substep_s, s.map.buoy_radius_m)
+        self.physics = Physics(self.state, s.vessel, s.conditions, *physics, s.coriolis)
+        pairs = (self.vessels, self.vessels + self.buoys + others)
         noise = Noise(s.noise, _streams(slots, Stream.PERCEPTION), pairs)
         imperfect = None
         if s.imperfections.used:
             streams = _streams(slots, Stream.IMPERFECTION)
             imperfect = Imperfections(s.imperfections, streams, pairs, s.period_s)
-        self.perception = Perception(noise, s.range_m, s.observed_objects, radii, imperfect)
+        sight = Sight(s.range_m, s.observed_objects, buoy_radius, s.extended)
+        self.perception = Perception(noise, sight, imperfect)
         self._upcoming = Episodes(
-            *(s.scenarios, s.map, s.noise, s.range_m, s.observed_objects, radii[0], shape),
+            *(s.scenarios, s.map, s.noise, sight, s.conditions, s.vessel, s.strangers, shape),
             slots,
             AHEAD if auto_reset else 1,
         )
@@ -227,15 +246,18 @@ class VectorEnv:
 
     def reset(self) -> Observations:
         """Begin the next episode in every slot."""
-        seen = Observations.empty((self.episodes, self.vessels), self.settings.observed_objects)
+        s, shape = self.settings, (self.episodes, self.vessels)
+        seen = Observations.empty(shape, s.observed_objects, extended=s.extended)
         self.restart(np.arange(self.episodes), seen)
         return seen
 
     def restart(self, slots: Index, observation: Observations) -> None:
         """Begin the next episode of some slots and write what its vessels see."""
         beginning = self._upcoming.take(slots)
+        hulls = draw_hulls(self.settings.conditions, self.settings.vessel, beginning.chance)
         self.state.begin(slots, beginning.scenario)
-        self.physics.forces.begin(slots, beginning.chance)
+        self.state.take_hulls(slots, hulls)
+        self.physics.forces.begin(slots, beginning.chance, hulls)
         self.perception.forget(slots)
         observation.rows[slots] = beginning.rows
 
@@ -297,7 +319,7 @@ class VectorEnv:
         """Give how far each vessel's course falls short of the COLREGs, as it sees them."""
         s = self.settings
         v_ego = seen.ego[..., 2:4].astype(np.float64)
-        return colregs_turn(seen.objects, seen.mask, v_ego, s.vessel.radius, s.reward)
+        return colregs_turn(seen.objects, seen.mask, v_ego, self.state.radius, s.reward)
 
 
 def _streams(slots: Sequence[tuple[int, int]], stream: Stream) -> list[np.random.Generator]:
@@ -328,7 +350,7 @@ def reward(
 
 
 def colregs_turn(
-    objects: Float32, mask: Float32, v_ego: Float64, ego_radius: float, settings: RewardSettings
+    objects: Float32, mask: Float32, v_ego: Float64, ego_radius: Float64, settings: RewardSettings
 ) -> Float64:
     """Give max(delta, 0) [rad] towards the vessel that is checked, 0 without such a situation.
 
@@ -338,7 +360,7 @@ def colregs_turn(
         As perceived, frame B.
     v_ego : (E, V, 2) float
         [m/s] Surge and sway over ground.
-    ego_radius : float
+    ego_radius : (E, V) float
         [m]
     settings
         Zones, and who is checked.
@@ -351,7 +373,8 @@ def colregs_turn(
     where, checked = _checked(objects, mask, v_ego, settings)
     if len(checked):
         ego = v_ego[where]
-        angle = starboard_turn(checked[:, :2], checked[:, 4], ego, ego_radius, settings.rules)
+        radius = np.broadcast_to(ego_radius, mask.shape[:2])[where]
+        angle = starboard_turn(checked[:, :2], checked[:, 4], ego, radius, settings.rules)
         turn[where] = angle
     return turn
 

@@ -17,9 +17,19 @@ from numpy.typing import NDArray
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float32, Float64
-from twinscrew.training.perception import Noise, NoiseSettings, Perception
-from twinscrew.training.physics import CHANCES, State
-from twinscrew.training.scenarios import Index, MapSettings, Scenarios, ScenarioSettings, sample
+from twinscrew.runtime.policy.vessel_model import VesselParameters
+from twinscrew.training.perception import Noise, NoiseSettings, Perception, Sight
+from twinscrew.training.physics import CHANCES, ConditionSettings, State, draw_hulls
+from twinscrew.training.scenarios import (
+    Index,
+    MapSettings,
+    Scenarios,
+    ScenarioSettings,
+    Strangers,
+    StrangerSettings,
+    draw_strangers,
+    sample,
+)
 
 
 class Stream(IntEnum):
@@ -44,9 +54,9 @@ class Beginning(NamedTuple):
 
     scenario: Scenarios
     rows: Float32
-    """(N, V, 7 + 6 K) What the vessels see at first."""
+    """(N, V, W) What the vessels see at first."""
     chance: Float64
-    """(N, V + 1, C) Uniform numbers in [0, 1) for the conditions of each vessel and of all."""
+    """(N, V + 1, chances) Uniform numbers in [0, 1) for the conditions of each and all."""
 
 
 class Episodes:
@@ -56,10 +66,14 @@ class Episodes:
     ----------
     scenarios, area
         The mixture of rows, and the map.
-    noise, range_m, most, vessel_radius
+    noise, sight
         Of the first observation.
+    conditions, vessel
+        What the hulls are drawn from.
+    strangers
+        What vessels are like that give no way.
     shape
-        V and M.
+        V, M and T: vessels, buoys and strangers.
     slots
         E pairs of a seed and a slot's number, which determine its episodes.
     ahead
@@ -71,15 +85,17 @@ class Episodes:
         scenarios: Sequence[ScenarioSettings],
         area: MapSettings,
         noise: NoiseSettings,
-        range_m: float,
-        most: int,
-        vessel_radius: float,
-        shape: tuple[int, int],
+        sight: Sight,
+        conditions: ConditionSettings,
+        vessel: VesselParameters,
+        strangers: StrangerSettings,
+        shape: tuple[int, int, int],
         slots: Sequence[tuple[int, int]],
         ahead: int,
     ) -> None:
         self._scenarios, self._map, self._noise, self._shape = scenarios, area, noise, shape
-        self._sight = (range_m, most, (vessel_radius, area.buoy_radius_m))
+        self._sight, self._conditions, self._vessel = sight, conditions, vessel
+        self._strangers = strangers
         self._slots = slots
         self._pool = Pool(self._draw, len(slots), ahead)
         self.set_weights([row.weight for row in scenarios])
@@ -97,8 +113,10 @@ class Episodes:
 
     def take(self, slots: Index) -> Beginning:
         """Give the next episode of each of these slots (each at most once)."""
-        *scenario, rows, chance = self._pool.take(slots)
-        return Beginning(Scenarios(*scenario), rows, chance)
+        *drawn, rows, chance = self._pool.take(slots)
+        placed, others = drawn[:SCENARIO_PARTS], drawn[SCENARIO_PARTS:]
+        scenario = Scenarios._make([*placed, Strangers(*others) if others else None])
+        return Beginning(scenario, rows, chance)
 
     def _draw(self, slots: Index, numbers: Index) -> tuple[NDArray[Any], ...]:
         """Draw episodes, by slot and number, with all that depends on them alone."""
@@ -107,15 +125,34 @@ class Episodes:
             episode_stream(seed, slot, number)
             for (seed, slot), number in zip(chosen, numbers.tolist(), strict=True)
         ]
-        vessels, buoys = self._shape
+        vessels, buoys, room = self._shape
         row = np.searchsorted(self._cumulative, [g.random() for g in generators], side="right")
-        scenario = sample(self._scenarios, row, self._map, generators, self._shape)
-        state = State(len(generators), vessels, buoys)
-        state.begin(np.arange(len(generators)), scenario)
-        noise = Noise(self._noise, generators, (vessels, vessels + buoys), block=1)
-        seen = Perception(noise, *self._sight).observe(state, scenario.vessel).rows
+        scenario = sample(self._scenarios, row, self._map, generators, (vessels, buoys))
+        strangers: tuple[NDArray[Any], ...] = ()
+        if room:
+            most = np.array([self._scenarios[k].strangers for k in row])
+            strangers = draw_strangers(
+                scenario, most, self._strangers, self._sight.range_m, generators, room
+            )
+            scenario = scenario._replace(strangers=strangers)
+        noise = Noise(self._noise, generators, (vessels, vessels + buoys + room), block=1)
+        drawn = noise.next()
         chance = np.stack([g.random((vessels + 1, CHANCES)) for g in generators])
-        return (*scenario, seen * scenario.vessel[..., None], chance)
+        more = self._conditions.chances - CHANCES
+        if more:
+            further = np.stack([g.random((vessels + 1, more)) for g in generators])
+            chance = np.concatenate([chance, further], axis=-1)
+        every = np.arange(len(generators))
+        state = State(len(generators), vessels, buoys, room, self._vessel)
+        state.begin(every, scenario)
+        state.take_hulls(every, draw_hulls(self._conditions, self._vessel, chance))
+        seen = Perception(noise, self._sight).observe(state, scenario.vessel, drawn).rows
+        rows = seen * scenario.vessel[..., None]
+        placed: tuple[Any, ...] = scenario[:SCENARIO_PARTS]
+        return (*placed, *strangers, rows, chance)
+
+
+SCENARIO_PARTS = len(Scenarios._fields) - 1
 
 
 class Pool:

@@ -18,14 +18,22 @@ from scipy.stats import binomtest
 
 from twinscrew.runtime.errors import ConfigError, PolicyError
 from twinscrew.runtime.messages.types import Float32, Float64, Observation
-from twinscrew.runtime.policy.load import Policy, load_policy
-from twinscrew.runtime.policy.metadata import OUTPUT_NAME, OUTPUT_SHAPE
+from twinscrew.runtime.policy.hull_units import in_units, units_of
+from twinscrew.runtime.policy.load import InHullUnits, Policy, load_policy
+from twinscrew.runtime.policy.metadata import (
+    EXTENDED_INPUTS,
+    OUTPUT_NAME,
+    OUTPUT_SHAPE,
+    PolicyExpectation,
+    check_expectation,
+)
 from twinscrew.runtime.policy.onnx import AS_SHIPPED, OnnxPolicy, risk_feed
 from twinscrew.runtime.policy.onnx_runtime import ort
 from twinscrew.runtime.policy.risk import RiskSettings, adaptive_level
 from twinscrew.runtime.settings import shipped
+from twinscrew.runtime.vessel_description import DEFAULT, VesselDescription, load_vessel
 from twinscrew.training.environment import RATE_LIMIT, EnvironmentSettings, VectorEnv
-from twinscrew.training.perception import Observations
+from twinscrew.training.perception import PAPER, Layout, Observations
 from twinscrew.training.scenarios import Mask, ScenarioSettings, six_settings
 
 if TYPE_CHECKING:
@@ -54,6 +62,14 @@ class BatchPolicy(Protocol):
     def period_s(self) -> float:
         """[s] Between two decisions."""
 
+    @property
+    def layout(self) -> Layout:
+        """What it is shown."""
+
+    @property
+    def range_m(self) -> float:
+        """[m] How far it is shown what there is."""
+
     def begin(self, episodes: int, vessels: int) -> None:
         """Forget everything: new episodes follow."""
 
@@ -61,14 +77,48 @@ class BatchPolicy(Protocol):
         """Give thrust rates, (E, V, 2) [N/s]; those of vessels not `active`, (E, V), are 0."""
 
 
-def open_policy(spec: str, risk: RiskSettings = AS_SHIPPED) -> BatchPolicy:
-    """Give a policy by what the user typed: an ONNX file, a shipped policy's name, apf or mpc."""
+def open_policy(
+    spec: str, risk: RiskSettings = AS_SHIPPED, vessel: VesselDescription | None = None
+) -> BatchPolicy:
+    """Give a policy by what the user typed: an ONNX file, a shipped policy's name, apf or mpc.
+
+    Raises
+    ------
+    PolicyError
+        There is no such policy, or it was not made for the vessel (None: the default one).
+    """
+    hull = vessel or load_vessel()
     if spec in BASELINES:
-        return OneByOne(lambda: load_policy(spec, risk=risk))
+        return OneByOne(lambda: _in_units(load_policy(spec, risk=risk, vessel=hull)))
     try:
-        return OnnxBatch(shipped("policies", spec, ".onnx"), risk)
+        file = shipped("policies", spec, ".onnx")
     except ConfigError as error:
         raise PolicyError(f"{error}; or {', '.join(BASELINES)}, or an ONNX file") from error
+    made = OnnxBatch(file, risk)
+    check_expectation(made.metadata, PolicyExpectation(vessel=hull.name))
+    return made
+
+
+def _in_units(policy: Policy) -> Policy:
+    """Give a policy that is fed in its hull's own units."""
+    return policy.policy if isinstance(policy, InHullUnits) else policy
+
+
+def sailed_by(vessel: VesselDescription, settings: EnvironmentSettings) -> EnvironmentSettings:
+    """Give an environment in which all vessels are like one, everything in that hull's own units.
+
+    So the paper's map, distances and radii are as many of its lengths as they are of the default
+    vessel's. Times that are found there are to be multiplied by `units_of(vessel, ...).time`.
+    """
+    if vessel.key == DEFAULT:
+        return settings
+    units = units_of(vessel, load_vessel())
+    lag_s = vessel.thrusters.time_constant_s / units.time
+    return msgspec.structs.replace(
+        settings,
+        vessel=in_units(vessel.plane, units),
+        conditions=msgspec.structs.replace(settings.conditions, thrust_lag_s=lag_s),
+    )
 
 
 class OnnxBatch:
@@ -80,6 +130,8 @@ class OnnxBatch:
         options = ort.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 4  # fatal only: what goes wrong is raised
+        self.range_m = self.metadata.perception_range_m
+        self.layout = Layout(self.metadata.observed_objects, self.metadata.extended)
         self._session: Any = ort.InferenceSession(
             path.read_bytes(), options, providers=["CPUExecutionProvider"]
         )
@@ -90,7 +142,8 @@ class OnnxBatch:
 
     def rates(self, seen: Observations, active: Mask) -> Float64:
         """Give thrust rates, (E, V, 2) [N/s]."""
-        feed = {"ego": seen.ego[active], "objects": seen.objects[active], "mask": seen.mask[active]}
+        parts = ("ego", "objects", "mask", *EXTENDED_INPUTS * self.layout.extended)
+        feed = {name: getattr(seen, name)[active] for name in parts}
         feed |= risk_feed(self._session, len(feed["ego"]), self._risk)
         if self._risk.level == "adaptive":
             feed["risk"] = adaptive_level(feed["objects"], feed["mask"], self._risk)
@@ -113,6 +166,7 @@ class OneByOne:
     def __init__(self, make: Callable[[], Policy]) -> None:
         self._make, example = make, make()
         self.name, self.period_s = example.name, example.period_s
+        self.layout, self.range_m = PAPER, EnvironmentSettings().range_m
         self._policies: list[list[Policy]] = []
 
     def begin(self, episodes: int, vessels: int) -> None:
@@ -134,8 +188,11 @@ class NetworkPolicy:
 
     name = "network"
 
-    def __init__(self, network: nn.Module, period_s: float) -> None:
+    def __init__(
+        self, network: nn.Module, period_s: float, layout: Layout = PAPER, range_m: float = 20.0
+    ) -> None:
         self._network, self.period_s = network, period_s
+        self.layout, self.range_m = layout, range_m
         self._device = next(network.parameters()).device
 
     def begin(self, episodes: int, vessels: int) -> None:
@@ -222,9 +279,8 @@ def evaluate(
     """
     if episodes < 1:
         raise ConfigError(f"must be at least 1, got {episodes}", key="episodes")
-    settings = msgspec.structs.replace(
-        environment or EnvironmentSettings(), scenarios=(scenario,), period_s=policy.period_s
-    )
+    settings = shown_to(policy, environment or EnvironmentSettings())
+    settings = msgspec.structs.replace(settings, scenarios=(scenario,))
     outcomes = []
     for first in range(0, episodes, batch):
         count = min(batch, episodes - first)
@@ -233,6 +289,16 @@ def evaluate(
         if progress is not None:
             progress(count)
     return score(Outcomes(*map(np.concatenate, zip(*outcomes, strict=True))), seed)
+
+
+def shown_to(policy: BatchPolicy, settings: EnvironmentSettings) -> EnvironmentSettings:
+    """Give an environment that shows a policy what it was made for, when it was made for it."""
+    return msgspec.structs.replace(
+        settings,
+        period_s=policy.period_s,
+        observed_objects=policy.layout.objects,
+        extended=policy.layout.extended,
+    )
 
 
 def evaluate_all(

@@ -67,7 +67,7 @@ def _with_options(settings: EnvironmentSettings, options: Dict | None) -> Enviro
     """
     if not options:
         return settings
-    vessels, buoys = settings.shape
+    vessels, buoys, _ = settings.shape
     first = msgspec.to_builtins(settings.scenarios[0])
     for key in options:
         if key not in OPTIONS:
@@ -301,7 +301,7 @@ class VesselsEnv(ParallelEnv[str, Dict, Float32]):  # type: ignore[misc]
     ) -> None:
         self.settings = settings or EnvironmentSettings()
         self.render_mode = _checked_mode(render_mode)
-        vessels, buoys = self.settings.shape
+        vessels, buoys, _ = self.settings.shape
         self.possible_agents = [f"vessel_{number}" for number in range(vessels)]
         self.agents: list[str] = []
         seen = _observation_space(self.settings.observed_objects)

@@ -20,9 +20,16 @@ from msgspec import Meta
 from torch import Tensor, nn
 
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
+from twinscrew.runtime.policy.hull_units import describe_hull
+from twinscrew.runtime.policy.vessel_model import VesselParameters
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
 from twinscrew.runtime.vessel_description import load_vessel
-from twinscrew.training.perception import EGO_COLUMNS, OBJECT_COLUMNS
+from twinscrew.training.perception import (
+    EGO_COLUMNS,
+    OBJECT_COLUMNS,
+    OUTLINE_COLUMNS,
+    layout_of,
+)
 
 ACTIONS = 2
 """[-] Left and right rate of change of thrust, in (-1, 1)."""
@@ -35,16 +42,37 @@ class Observations(NamedTuple):
     ego: Tensor
     """(B, 7) float32: goal x, y [m]; surge, sway [m/s]; yaw rate [rad/s]; thrusts [N]. Eq. (2)."""
     objects: Tensor
-    """(B, 5, 5) float32: x, y [m]; vx, vy over ground [m/s]; radius [m]. Eq. (3)."""
+    """(B, K, 5) float32: x, y [m]; vx, vy over ground [m/s]; radius [m]. Eq. (3)."""
     mask: Tensor
-    """(B, 5) float32: 1 where there is an object, 0 where there is padding."""
+    """(B, K) float32: 1 where there is an object, 0 where there is padding."""
+    outlines: Tensor
+    """(B, K, 3) float32: half length, half beam [m], heading [rad]; zeros for a circle."""
+    hull: Tensor
+    """(B, 10) float32: the own hull, as `HULL_COLUMNS` says."""
 
 
 def unpack(rows: Tensor) -> Observations:
-    """Read rows, (..., 37), as `perception.Observations` lays them out."""
-    width = OBSERVED_OBJECTS * OBJECT_COLUMNS
-    ego, objects, mask = torch.split(rows, [EGO_COLUMNS, width, OBSERVED_OBJECTS], dim=-1)
-    return Observations(ego, objects.reshape(*mask.shape, OBJECT_COLUMNS), mask)
+    """Read rows, (..., W), as `perception.Observations` lays them out.
+
+    Where they hold no outlines all objects are circles, and the hull is the default vessel.
+    """
+    layout = layout_of(rows.shape[-1])
+    ego, objects, mask, *more = torch.split(rows, list(layout.widths), dim=-1)
+    objects = objects.reshape(*mask.shape, OBJECT_COLUMNS)
+    if more:
+        return Observations(ego, objects, mask, more[0].reshape(*mask.shape, -1), more[1])
+    return circles(ego, objects, mask)
+
+
+def circles(ego: Tensor, objects: Tensor, mask: Tensor) -> Observations:
+    """Give observations as the paper has them: circles, seen by the default vessel."""
+    outlines = torch.zeros(*mask.shape, OUTLINE_COLUMNS, device=ego.device)
+    hull = torch.tensor(DEFAULT_HULL, device=ego.device).expand(*ego.shape[:-1], -1)
+    return Observations(ego, objects, mask, outlines, hull)
+
+
+DEFAULT_HULL = tuple(describe_hull(VesselParameters()).tolist())
+"""What a policy is told of the default vessel."""
 
 
 class Scales(Settings, frozen=True):
@@ -147,11 +175,76 @@ def object_features(ego: Tensor, objects: Tensor, scales: Scales) -> Tensor:
     )
 
 
+HULL_SCALES = (3.0, 3.0, 3.0, 3.0, 0.7, 1.0, 1.0, 1.0, 0.5, 1000.0)
+"""What brings a hull's description to about one."""
+OUTLINED_FEATURES = 22
+
+
+def hull_features(hull: Tensor) -> Tensor:
+    """Give the scaled description of the own hull, (B, 10)."""
+    return hull / torch.tensor(HULL_SCALES).to(hull)
+
+
+def outlined_features(seen: Observations, scales: Scales) -> Tensor:
+    """Give what matters in an encounter with each object, a rectangle or a circle, (B, K, 22).
+
+    Gaps are those between the own circle and the other's outline, now and at the closest approach
+    of straight tracks. Beside what `object_features` gives: the outline, and where the own vessel
+    is, seen from the other along its course.
+    """
+    ego, objects, _, outlines, hull = seen
+    position, velocity, radius = torch.split(objects, [2, 2, 1], dim=-1)
+    half, heading = outlines[..., :2], outlines[..., 2:]
+    rectangle = (half[..., :1] > 0.0).to(objects)
+    cosine, sine = torch.cos(heading), torch.sin(heading)
+    corner = radius * (1.0 - rectangle) + hull[:, None, :1]
+
+    def gap_at(place: Tensor) -> Tensor:
+        x, y = place[..., :1], place[..., 1:]
+        along, across = cosine * x + sine * y, cosine * y - sine * x
+        away = torch.cat([along, across], dim=-1).abs() - half
+        return _length(away.clamp(min=0.0)) - corner
+
+    relative = velocity - ego[:, None, 2:4]
+    distance = _length(position)
+    direction = position / distance
+    gap = gap_at(position)
+    closing = -(direction * relative).sum(-1, keepdim=True)
+    time = closing * distance / ((relative * relative).sum(-1, keepdim=True) + _TINY)
+    time = time.clamp(0.0, scales.time_s)
+    miss = gap_at(position + relative * time)
+    speed = _length(velocity)
+    course = velocity / (speed + 0.1)
+    ahead = -(position * course).sum(-1, keepdim=True)
+    port = position[..., :1] * course[..., 1:] - position[..., 1:] * course[..., :1]
+    return torch.cat(
+        [
+            objects * raw_scales(scales)[1].to(objects),
+            direction,
+            relative / scales.speed_mps,
+            gap / scales.length_m,
+            scales.gap_m / (scales.gap_m + gap.clamp(min=0.0)),
+            closing / scales.speed_mps,
+            time / scales.time_s,
+            1.0 / (1.0 + time),
+            miss / scales.gap_m,
+            half / scales.gap_m,
+            cosine * rectangle,
+            sine * rectangle,
+            ahead / scales.length_m,
+            port / scales.length_m,
+            speed / scales.speed_mps,
+        ],
+        dim=-1,
+    )
+
+
 class EncoderSettings(Settings, frozen=True):
     """How observations become features."""
 
-    kind: Literal["set", "paper"] = "set"
-    """"paper" is the paper's encoder; "set" pools one shared object network by maximum and sum."""
+    kind: Literal["set", "paper", "outlined"] = "set"
+    """"paper" is the paper's encoder; "set" pools one shared object network by maximum and sum;
+    "outlined" is a set too, and knows the own hull and the objects' outlines."""
     normalise: bool = True
     """Scale raw SI units to about one first ("paper" only; "set" always does)."""
     ego_width: Width = 64
@@ -186,7 +279,7 @@ class See(nn.Module):
 
     def __init__(self, settings: EncoderSettings) -> None:
         super().__init__()
-        self.geometry = settings.kind == "set"
+        self.kind = settings.kind
         self.scales = settings.scales
         ones = torch.ones(EGO_COLUMNS), torch.ones(OBJECT_COLUMNS)
         ego, objects = raw_scales(settings.scales) if settings.normalise else ones
@@ -195,10 +288,15 @@ class See(nn.Module):
 
     def forward(self, observations: Observations) -> Seen:
         """Give the features of a batch; whatever lies in padded rows has no influence."""
-        ego, objects, mask = observations
+        ego, objects, mask, outlines, hull = observations
         present = mask[:, :, None]
         objects = torch.where(present > 0, objects, 0.0)
-        if self.geometry:
+        if self.kind == "outlined":
+            outlines = torch.where(present > 0, outlines, 0.0)
+            whole = Observations(ego, objects, mask, outlines, hull)
+            objects = outlined_features(whole, self.scales)
+            ego = torch.cat([ego_features(ego, self.scales), hull_features(hull)], dim=1)
+        elif self.kind == "set":
             objects = object_features(ego, objects, self.scales)
             ego = ego_features(ego, self.scales)
         else:
@@ -228,11 +326,12 @@ class SetEncoder(nn.Module):
 
     def __init__(self, settings: EncoderSettings, extra: int = 0) -> None:
         super().__init__()
-        wide = settings.object_width
+        wide, outlined = settings.object_width, settings.kind == "outlined"
         self.width = settings.ego_width + 2 * wide
-        self.ego = nn.Linear(EGO_FEATURES + extra, settings.ego_width)
-        self.object_seen = nn.Linear(OBJECT_FEATURES, wide)
-        self.object_ego = nn.Linear(EGO_FEATURES + extra, wide, bias=False)
+        ego = EGO_FEATURES + extra + (len(HULL_SCALES) if outlined else 0)
+        self.ego = nn.Linear(ego, settings.ego_width)
+        self.object_seen = nn.Linear(OUTLINED_FEATURES if outlined else OBJECT_FEATURES, wide)
+        self.object_ego = nn.Linear(ego, wide, bias=False)
         self.object_hidden = nn.Linear(wide, wide)
 
     def forward(self, seen: Seen) -> Tensor:
@@ -304,6 +403,7 @@ class Pilot(nn.Module):
     """A deterministic policy from raw observations: what is evaluated, deployed and exported."""
 
     factors: Tensor
+    outline_factors: Tensor
     risk: Tensor | None
 
     def __init__(
@@ -326,12 +426,17 @@ class Pilot(nn.Module):
         self.actor = actor
         factors = torch.tensor([1.0, 1.0, 1.0, 1.0, radius_margin], device=see.ego_scale.device)
         self.register_buffer("factors", factors, persistent=False)
+        outline = torch.tensor([radius_margin, radius_margin, 1.0], device=factors.device)
+        self.register_buffer("outline_factors", outline, persistent=False)
         level = None if risk is None else torch.full((1, 1), risk, device=factors.device)
         self.register_buffer("risk", level, persistent=False)
 
     def forward(self, observations: Observations, risk: Tensor | None = None) -> Tensor:
         """Give actions (B, 2) in [-1, 1], at risk levels, (B, 1) or (1, 1), if there are any."""
-        wary = observations._replace(objects=observations.objects * self.factors)
+        wary = observations._replace(
+            objects=observations.objects * self.factors,
+            outlines=observations.outlines * self.outline_factors,
+        )
         seen = self.see(wary)
         if self.risk is not None:
             seen = with_risk(seen, self.risk if risk is None else risk)

@@ -19,38 +19,74 @@ from numpy.typing import NDArray
 from scipy.stats import norm, vonmises
 
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS, Float32, Float64
+from twinscrew.runtime.policy.hull_units import HULL_COLUMNS
 from twinscrew.runtime.settings import Fraction, NonNegative, Settings
 from twinscrew.training.imperfections import Imperfections
-from twinscrew.training.physics import State
+from twinscrew.training.physics import State, rectangle_gap
 from twinscrew.training.scenarios import Index, Mask, Points
 
 Complex64 = NDArray[np.complex64]
 
 EGO_COLUMNS = 7
 OBJECT_COLUMNS = 5
+OUTLINE_COLUMNS = 3
 PACKED_COLUMNS = EGO_COLUMNS + OBSERVED_OBJECTS * (OBJECT_COLUMNS + 1)
-"""[-] Numbers in one observation of 5 objects: ego, objects row by row, mask."""
+"""[-] Numbers in one observation of 5 objects as the paper has it: ego, objects, mask."""
 QUANTILES = 1 << 16
 """[-] Every noise takes one of so many equally likely values."""
 _PROBABILITY = (np.arange(QUANTILES) + 0.5) / QUANTILES
 
 
-class Observations:
-    """What vessels see, raw SI units, frame B; zeros for vessels that are not on the water.
+class Layout(NamedTuple):
+    """How an observation of K objects lies in a row: ego, objects, mask.
 
-    Rows of 7 + 6 K numbers (K objects at most) and views of their parts; iterating gives the parts.
+    Then, if it is extended, the objects' outlines and the own hull's description.
+    """
+
+    objects: int
+    """[-] K."""
+    extended: bool
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """[-] Numbers in each part."""
+        k = self.objects
+        paper = (EGO_COLUMNS, k * OBJECT_COLUMNS, k)
+        return (*paper, k * OUTLINE_COLUMNS, len(HULL_COLUMNS)) if self.extended else paper
+
+
+PAPER = Layout(OBSERVED_OBJECTS, extended=False)
+
+
+@lru_cache(maxsize=32)
+def layout_of(width: int) -> Layout:
+    """Give the layout of rows by their width: no two layouts have the same."""
+    paper, rest = divmod(width - EGO_COLUMNS, OBJECT_COLUMNS + 1)
+    if not rest:
+        return Layout(paper, extended=False)
+    each = OBJECT_COLUMNS + 1 + OUTLINE_COLUMNS
+    return Layout((width - EGO_COLUMNS - len(HULL_COLUMNS)) // each, extended=True)
+
+
+class Observations:
+    """What vessels see, SI units, frame B; zeros for vessels that are not on the water.
+
+    Rows of numbers (K objects at most) and views of their parts; iterating gives the parts.
     """
 
     __slots__ = ("rows",)
 
     def __init__(self, rows: Float32) -> None:
         self.rows = rows
-        """(..., 7 + 6 K) float32"""
+        """(..., W) float32"""
 
     @classmethod
-    def empty(cls, shape: Sequence[int], objects: int = OBSERVED_OBJECTS) -> Observations:
+    def empty(
+        cls, shape: Sequence[int], objects: int = OBSERVED_OBJECTS, *, extended: bool = False
+    ) -> Observations:
         """Give observations of nothing."""
-        return cls(np.zeros((*shape, EGO_COLUMNS + objects * (OBJECT_COLUMNS + 1)), np.float32))
+        width = sum(Layout(objects, extended).widths)
+        return cls(np.zeros((*shape, width), np.float32))
 
     @classmethod
     def of(cls, ego: Float32, objects: Float32, mask: Float32) -> Observations:
@@ -60,9 +96,15 @@ class Observations:
         return made
 
     @property
-    def _end(self) -> int:
-        width: int = self.rows.shape[-1]
-        return EGO_COLUMNS + (width - EGO_COLUMNS) // 6 * OBJECT_COLUMNS
+    def layout(self) -> Layout:
+        """How the parts lie in a row."""
+        return layout_of(self.rows.shape[-1])
+
+    def _part(self, number: int) -> Float32:
+        widths = self.layout.widths
+        first = sum(widths[:number])
+        part: Float32 = self.rows[..., first : first + widths[number]]
+        return part
 
     @property
     def ego(self) -> Float32:
@@ -72,13 +114,27 @@ class Observations:
     @property
     def objects(self) -> Float32:
         """(..., K, 5) x, y [m]; vx, vy over ground [m/s]; radius [m]; nearest first. Eq. (3)."""
-        flat = self.rows[..., EGO_COLUMNS : self._end]
+        flat = self._part(1)
         return flat.reshape(*flat.shape[:-1], -1, OBJECT_COLUMNS)
 
     @property
     def mask(self) -> Float32:
         """(..., K) 1 where there is an object, 0 where there is padding."""
-        return self.rows[..., self._end :]
+        return self._part(2)
+
+    @property
+    def outlines(self) -> Float32:
+        """(..., K, 3) Half length, half beam [m], heading [rad] in frame B; zeros for a circle.
+
+        Extended observations only.
+        """
+        flat = self._part(3)
+        return flat.reshape(*flat.shape[:-1], -1, OUTLINE_COLUMNS)
+
+    @property
+    def hull(self) -> Float32:
+        """(..., 10) The own hull, as `HULL_COLUMNS` says. Extended observations only."""
+        return self._part(4)
 
     def __iter__(self) -> Iterator[Float32]:
         return iter((self.ego, self.objects, self.mask))
@@ -177,14 +233,13 @@ class Things(NamedTuple):
     """(E, O) Whether there is such an object."""
 
 
-def things_of(state: State, vessel_radius: float, buoy_radius: float) -> Things:
+def things_of(state: State, buoy_radius: float) -> Things:
     """Give all vessels, buoys and scripted vessels of a state."""
     (episodes, vessels), buoys = state.shape, state.buoy.shape[1]
     count = vessels + buoys + state.scripted.shape[1]
     velocity, radius = np.zeros((episodes, count), complex), np.empty((episodes, count))
-    moving = (state.nu[0] + 1j * state.nu[1]) * np.exp(1j * state.heading) * state.active
-    velocity[:, :vessels], velocity[:, vessels + buoys :] = moving, state.scripted_velocity
-    radius[:, :vessels], radius[:, vessels : vessels + buoys] = vessel_radius, buoy_radius
+    velocity[:, :vessels], velocity[:, vessels + buoys :] = state.velocity, state.scripted_velocity
+    radius[:, :vessels], radius[:, vessels : vessels + buoys] = state.radius, buoy_radius
     radius[:, vessels + buoys :] = state.scripted_radius
     return Things(
         np.concatenate([state.position, state.buoy, state.scripted], axis=1),
@@ -194,6 +249,41 @@ def things_of(state: State, vessel_radius: float, buoy_radius: float) -> Things:
     )
 
 
+class Sight(NamedTuple):
+    """What a policy is shown."""
+
+    range_m: float
+    """[m] An object is seen while its nearest point, at its perceived place, is within this."""
+    most: int
+    """[-] K: how many objects are given."""
+    buoy_radius_m: float
+    """[m]"""
+    extended: bool = False
+    """Whether outlines and the own hull's description are given too."""
+
+
+class Pairs(NamedTuple):
+    """Who sees what: n pairs of an observer and an object."""
+
+    which: tuple[Index, Index]
+    """(n,) Episode, observer."""
+    thing: Index
+    """(n,) The object's number; that of the last one's other half is one too large."""
+    place: Complex64
+    """(n,) [m] From the observer, axes of N."""
+    velocity: Complex64
+    """(n,) [m/s] Over ground, axes of N."""
+    radius: Float32
+    """(n,) [m] As it is perceived."""
+    factor: Float32
+    """(n,) [-] What was perceived of the size; 0 where it is another object's size by now."""
+
+    def only(self, keep: Mask) -> Pairs:
+        """Give some of the pairs."""
+        (e, o), k, p, v, radius, factor = self
+        return Pairs((e[keep], o[keep]), k[keep], p[keep], v[keep], radius[keep], factor[keep])
+
+
 class Perception:
     """Observes states with a noise, and whatever else goes wrong.
 
@@ -201,75 +291,107 @@ class Perception:
     ----------
     noise
         Of E episodes, for pairs of V observers and O objects.
-    range_m : float
-        [m] An object is seen while the nearest point of its true circle, at its perceived place,
-        is within this.
-    most : int
-        K: how many objects are given.
-    radii : tuple of float
-        [m] Of vessels and of buoys.
+    sight
+        What is shown.
     imperfections
         What else goes wrong.
     """
 
     def __init__(
-        self,
-        noise: Noise,
-        range_m: float,
-        most: int,
-        radii: tuple[float, float],
-        imperfections: Imperfections | None = None,
+        self, noise: Noise, sight: Sight, imperfections: Imperfections | None = None
     ) -> None:
-        self.noise, self._range, self._most = noise, range_m, most
-        self._radii, self._imperfections = radii, imperfections
+        self.noise, self.sight, self._imperfections = noise, sight, imperfections
 
-    def observe(self, state: State, observers: Mask) -> Observations:
-        """See what is around the observers, (E, V), as things are now."""
-        heading = np.exp(1j * state.heading)
-        seen = Observations.empty(state.shape, self._most)
+    def observe(
+        self, state: State, observers: Mask, bins: NDArray[np.uint16] | None = None
+    ) -> Observations:
+        """See what is around the observers, (E, V), as things are now; `bins` are the noise's."""
+        s, heading = self.sight, np.exp(1j * state.heading)
+        seen = Observations.empty(state.shape, s.most, extended=s.extended)
         goal_B = (state.goal - state.position) * heading.conj()
         ego = seen.ego
         ego[..., 0], ego[..., 1] = goal_B.real, goal_B.imag
         ego[..., 2:5] = state.nu.transpose(1, 2, 0)
+        if state.current.any():
+            drift = state.current[:, None] * heading.conj() * state.active
+            ego[..., 2] += drift.real
+            ego[..., 3] += drift.imag
         ego[..., 5:7] = state.thrust.transpose(1, 2, 0)
-        things = things_of(state, *self._radii)
-        which, p, v, radius = self._pairs(things, observers)
-        surface = np.abs(p) - radius
-        turn = heading.conj().astype(np.complex64)[which[0], which[1]]
-        p, v = p * turn, v * turn
-        features = np.empty((len(radius), OBJECT_COLUMNS), np.float32)
-        for column, part in enumerate((p.real, p.imag, v.real, v.imag, radius)):
+        if s.extended:
+            seen.hull[:] = state.told
+        things = things_of(state, s.buoy_radius_m)
+        reach = np.where(np.isnan(state.range), s.range_m, state.range).astype(np.float32)
+        pairs = self._pairs(things, observers, reach, self.noise.next() if bins is None else bins)
+        surface = np.abs(pairs.place) - pairs.radius
+        e, o = pairs.which
+        outlines = np.zeros((len(e), OUTLINE_COLUMNS), np.float32)
+        if state.scripted.shape[1]:
+            keep = self._outline(state, pairs, outlines, surface, reach)
+            if not keep.all():
+                pairs = pairs.only(keep)
+                surface, outlines = surface[keep], outlines[keep]
+                e, o = pairs.which
+        turn = heading.conj().astype(np.complex64)[e, o]
+        p, v = pairs.place * turn, pairs.velocity * turn
+        features = np.empty((len(p), OBJECT_COLUMNS), np.float32)
+        for column, part in enumerate((p.real, p.imag, v.real, v.imag, pairs.radius)):
             features[:, column] = part
-        _write_nearest(seen, which, features, surface)
+        if s.extended:
+            shown = outlines[:, 0] > 0.0
+            outlines[:, 2] = np.where(shown, outlines[:, 2] - state.heading[e, o], 0.0)
+            outlines[:, 2] = np.remainder(outlines[:, 2] + np.pi, 2 * np.pi) - np.pi * shown
+            outlines[~shown] = 0.0
+        _write_nearest(seen, pairs.which, features, surface, outlines)
         return seen
 
+    def _outline(
+        self, state: State, pairs: Pairs, outlines: Float32, surface: Float32, reach: Float32
+    ) -> Mask:
+        """Write outlines, and the distances of their surfaces; tell which pairs are in range."""
+        (e, _), first = pairs.which, state.shape[1] + state.buoy.shape[1]
+        t = pairs.thing - first
+        shown = (t >= 0) & (t < state.scripted.shape[1]) & (pairs.factor > 0.0)
+        n = np.flatnonzero(shown)
+        n = n[state.scripted_outlined[e[n], t[n]]]
+        half = state.scripted_half[e[n], t[n]] * pairs.factor[n, None]
+        heading = state.scripted_heading[e[n], t[n]]
+        surface[n] = rectangle_gap(pairs.place[n], heading, half)
+        outlines[n, :2], outlines[n, 2] = half, heading
+        return np.asarray(surface <= reach[e])
+
     def _pairs(
-        self, things: Things, observers: Mask
-    ) -> tuple[tuple[Index, Index], Complex64, Complex64, Float32]:
-        """Give who sees what: n pairs as (episode, observer), place, velocity (frame N), radius."""
+        self, things: Things, observers: Mask, reach: Float32, bins: NDArray[np.uint16]
+    ) -> Pairs:
+        """Give who sees what; `reach` (E,) [m] is how far."""
         vessels, imperfect = observers.shape[1], self._imperfections
         place = things.position.astype(np.complex64)
         apart = place[:, None, :] - place[:, :vessels, None]
         possible = observers[..., None] & things.there[:, None, :]
         possible[:, np.arange(vessels), np.arange(vessels)] = False
-        bins, radius = self.noise.next(), things.radius.astype(np.float32)
+        radius = things.radius.astype(np.float32)
         if imperfect is None:
             # A pair that even the greatest noise cannot bring within range needs no noise.
-            reach = (radius + np.float32(self._range + self.noise.reach + 0.01))[:, None, :]
+            most = (radius + (reach + np.float32(self.noise.reach + 0.01))[:, None])[:, None, :]
             near = apart.real * apart.real + apart.imag * apart.imag
-            e, o, k = np.nonzero(possible & (near < reach * reach))
+            e, o, k = np.nonzero(possible & (near < most * most))
             errors = self.noise.values(bins[e, o, k])
             p, size = apart[e, o, k] + errors[0], radius[e, k]
             v = things.velocity.astype(np.complex64)[e, k] + errors[1]
-            seen = np.abs(p) <= size + np.float32(self._range)
-            return (e[seen], o[seen]), p[seen], v[seen], (size * errors[2])[seen]
+            seen = np.abs(p) <= size + reach[e]
+            which = (e[seen], o[seen])
+            factor = errors[2][seen]
+            return Pairs(which, k[seen], p[seen], v[seen], size[seen] * factor, factor)
         errors = self.noise.values(bins)
         p, size = apart + errors[0], np.broadcast_to(radius[:, None, :], apart.shape)
         v = imperfect.lagged(things.velocity).astype(np.complex64)[:, None, :] + errors[1]
-        seen = possible & (np.abs(p) <= size + np.float32(self._range))
-        p, v, size, seen = imperfect.distort(p, v, size * errors[2], seen)
+        seen = possible & (np.abs(p) <= size + reach[:, None, None])
+        believed = size * errors[2]
+        p, v, size, seen = imperfect.distort(p, v, believed, seen)
         e, o, k = np.nonzero(seen)
-        return (e, o), p[e, o, k], v[e, o, k], size[e, o, k]
+        radii, known = size[e, o, k], np.minimum(k, believed.shape[-1] - 1)
+        own = (k == known) & (radii == believed[e, o, known])
+        factor = np.where(own, errors[2][e, o, known], np.float32(0.0))
+        return Pairs((e, o), k, p[e, o, k], v[e, o, k], radii, factor)
 
     def forget(self, slots: Index) -> None:
         """Forget what was believed in some slots: new episodes begin."""
@@ -278,7 +400,11 @@ class Perception:
 
 
 def _write_nearest(
-    into: Observations, which: tuple[Index, Index], features: Float32, surface: Float32
+    into: Observations,
+    which: tuple[Index, Index],
+    features: Float32,
+    surface: Float32,
+    outlines: Float32,
 ) -> None:
     """Write each observer's pairs, nearest surface first; pairs are ordered by observer."""
     vessels, most = into.rows.shape[1], into.mask.shape[-1]
@@ -291,3 +417,5 @@ def _write_nearest(
     episode, vessel, rank = which[0][kept], which[1][kept], rank[kept]
     into.objects[episode, vessel, rank] = features[order[kept]] + np.float32(0.0)  # and no -0.0
     into.mask[episode, vessel, rank] = 1.0
+    if into.layout.extended:
+        into.outlines[episode, vessel, rank] = outlines[order[kept]]

@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from twinscrew.runtime.errors import ConfigError, PolicyError
-from twinscrew.runtime.messages.types import Float64
+from twinscrew.runtime.messages.types import Float32, Float64
+from twinscrew.runtime.policy.hull_units import HULL_COLUMNS, describe_hull, hull_columns
 from twinscrew.runtime.policy.vessel_model import VesselParameters
 from twinscrew.runtime.settings import Fraction, NonNegative, Positive, Settings
 from twinscrew.training.scenarios import Index, Mask, Points, Scenarios
@@ -25,11 +27,54 @@ from twinscrew.training.scenarios import Index, Mask, Points, Scenarios
 RATE_LIMIT = 1000.0
 """[N/s] The rate of change of thrust that an action of 1 asks for (paper, sec. V)."""
 CHANCES = 16
-"""[-] Uniform numbers that an episode, and each of its vessels, has for its conditions."""
+"""[-] Uniform numbers that an episode, and each of its vessels, has for its conditions;"""
+HULL_CHANCES = 32
+"""[-] and so many more where hulls are drawn at random (`HullSettings`)."""
 Coriolis = Literal["once", "twice"]
 """How often Coriolis acts: "once" is the paper's equation; "twice" the authors' published
 environment, which keeps velocities in the world frame while the hull turns and subtracts C(nu) nu
 beside that. Boats then slide outward in turns; times in the two are not comparable."""
+
+
+class HullSettings(Settings, frozen=True):
+    """Hulls drawn at random, for a policy that is to drive any; ranges are (least, greatest).
+
+    Numbers are those of a hull in its own units (`runtime.policy.hull_units`), which are the
+    default vessel's: 5 m, 3.3 m/s, 1000 N. The shipped vessels, and hulls of 1 to 12 m by the
+    estimates of docs/vessels.md, lie inside.
+    """
+
+    share: Fraction = 0.0
+    """[-] Of the episodes; in the others all vessels are as they would be without this."""
+    mass_kg: tuple[Positive, Positive] = (280.0, 1800.0)
+    """[kg] With added mass in surge; by its logarithm."""
+    sway_mass: tuple[Positive, Positive] = (0.9, 1.8)
+    """[-] Mass with added mass in sway over that in surge."""
+    top_speed_mps: tuple[Positive, Positive] = (2.7, 3.6)
+    """[m/s] At full thrust ahead."""
+    sway_drag: tuple[Positive, Positive] = (0.5, 15.0)
+    """[-] Drag in sway over that in surge, linear and quadratic; by its logarithm."""
+    yaw_inertia: tuple[Positive, Positive] = (900.0, 5500.0)
+    """[kg m2] With added inertia; by its logarithm."""
+    lever_m: tuple[Positive, Positive] = (0.4, 1.5)
+    """[m] From the centre line to a thruster."""
+    turn_rate_radps: tuple[Positive, Positive] = (0.15, 1.1)
+    """[rad/s] Steady, on the spot; by its logarithm."""
+    radius_m: tuple[Positive, Positive] = (1.4, 3.3)
+    """[m] Of the circle that holds the hull."""
+    astern: tuple[Fraction, Fraction] = (0.3, 1.0)
+    """[-] Greatest thrust astern over that ahead."""
+    lag_s: NonNegative = 0.8
+    """[s] Greatest time constant of the thrust; small ones are the commoner."""
+    weak: Fraction = 0.25
+    """[-] Share of the vessels with one weaker propeller,"""
+    weakest: Fraction = 0.65
+    """[-] which gives between this part of its thrust and all of it."""
+    unknown: NonNegative = 0.12
+    """[-] Standard deviation of the logarithm of what half of the policies are told wrongly of
+    their hulls; the others are told the truth, but never of a weak propeller."""
+    coriolis_twice: Fraction = 0.15
+    """[-] Share of the vessels that slide outward in turns as in the authors' environment."""
 
 
 class ConditionSettings(Settings, frozen=True):
@@ -58,12 +103,108 @@ class ConditionSettings(Settings, frozen=True):
     other_vessel: VesselParameters | None = None
     """Each inertia, drag and lever of each vessel lies anywhere between `vessel`'s and this one's;
     the thrust range and the hull's circle stay `vessel`'s."""
+    hulls: HullSettings = HullSettings()
+    """Hulls drawn at random."""
+    current_mps: tuple[NonNegative, NonNegative] = (0.0, 0.0)
+    """[m/s] Of the water, towards any direction; steady, the same everywhere in an episode."""
 
     @property
     def forces(self) -> bool:
         """Whether anything but the commanded thrust acts."""
         ranges = (self.wind_mps, self.wave_force_n, self.wave_moment_nm)
-        return self.thrust_lag_s > 0.0 or any(high > 0.0 for _, high in ranges)
+        lags = self.thrust_lag_s > 0.0 or self.hulls.share > 0.0
+        return lags or any(high > 0.0 for _, high in ranges)
+
+    @property
+    def chances(self) -> int:
+        """[-] Uniform numbers that an episode, and each of its vessels, needs."""
+        return CHANCES + HULL_CHANCES * (self.hulls.share > 0.0 or self.current_mps[1] > 0.0)
+
+
+class Hulls(NamedTuple):
+    """What N episodes' V vessels are like, and the water that carries them."""
+
+    physical: Float64
+    """(10, N, V) Inertia, linear, quadratic drag (3 each), lever: as `physical` gives them."""
+    radius: Float64
+    """(N, V) [m]"""
+    thrust_min: Float64
+    """(N, V) [N]"""
+    lag: Float64
+    """(N, V) [s]"""
+    gain: Float64
+    """(2, N, V) [-] Thrust over commanded thrust, left and right."""
+    twice: Mask
+    """(N, V) Whether Coriolis acts twice, whatever the environment's setting."""
+    told: Float32
+    """(N, V, 10) What the policy is told (`HULL_COLUMNS`)."""
+    current: Points
+    """(N,) [m/s] Velocity of the water."""
+
+
+def draw_hulls(settings: ConditionSettings, vessel: VesselParameters, chance: Float64) -> Hulls:
+    """Draw the hulls and the current of N episodes from uniform numbers, (N, V + 1, chances)."""
+    each, all_ = chance[:, :-1], chance[:, -1]
+    shape = each.shape[:2]
+    base = np.array(physical(vessel))
+    values = np.broadcast_to(base[:, None, None], (10, *shape)).copy()
+    if settings.other_vessel is not None:
+        far = np.array(physical(settings.other_vessel))[:, None, None]
+        share = np.moveaxis(each[..., 3:13], -1, 0)
+        values = values + (far - values) * share
+    radius, low = np.full(shape, vessel.radius), np.full(shape, vessel.thrust_min_n)
+    lag, gain = np.full(shape, settings.thrust_lag_s), np.ones((2, *shape))
+    twice, current = np.zeros(shape, bool), np.zeros(len(chance), complex)
+    told_wrongly = np.ones((*shape, len(HULL_COLUMNS)))
+    high = vessel.thrust_max_n
+    if settings.chances > CHANCES:
+        u, h = np.moveaxis(each[..., CHANCES:], -1, 0), settings.hulls
+        whole = all_[:, CHANCES:]
+        drawn = (whole[:, 0] < h.share)[:, None] & np.ones(shape, bool)
+        speed, turn = _between(h.top_speed_mps, u[0]), _log_between(h.turn_rate_radps, u[1])
+        surge = _drag(2 * high, speed, u[2])
+        across = _log_between(h.sway_drag, u[3]), _log_between(h.sway_drag, u[4])
+        lever, astern = _between(h.lever_m, u[5]), -high * _between(h.astern, u[6])
+        yaw = _drag((high - astern) * lever, turn, u[7])
+        mass = _log_between(h.mass_kg, u[8])
+        random = np.stack(
+            [
+                *(mass, mass * _between(h.sway_mass, u[9]), _log_between(h.yaw_inertia, u[10])),
+                *(surge[0], surge[0] * across[0], yaw[0]),
+                *(surge[1], surge[1] * across[1], yaw[1]),
+                lever,
+            ]
+        )
+        values = np.where(drawn, random, values)
+        radius = np.where(drawn, _between(h.radius_m, u[11]), radius)
+        low = np.where(drawn, astern, low)
+        lag = np.where(drawn, h.lag_s * u[12] ** 2, lag)
+        weak = np.where(u[13] < h.weak, h.weakest + (1.0 - h.weakest) * u[14], 1.0)
+        side = u[15] < 0.5
+        gain = np.where(
+            drawn, np.stack([np.where(side, weak, 1.0), np.where(side, 1.0, weak)]), 1.0
+        )
+        twice = drawn & (u[16] < h.coriolis_twice)
+        current = _between(settings.current_mps, whole[:, 1]) * np.exp(2j * np.pi * whole[:, 2])
+        error = np.exp(h.unknown * norm.ppf(np.clip(u[17:27], 1e-6, 1.0 - 1e-6)))
+        told_wrongly = np.where(drawn & (u[27] < 0.5), error, 1.0).transpose(1, 2, 0)
+    told = hull_columns(
+        *(values[:3], values[3:6], values[6:9], values[9], radius, (low, np.full(shape, high)), lag)
+    )
+    rows: Float32 = (told * told_wrongly).astype(np.float32)
+    return Hulls(values, radius, low, lag, gain, twice, rows, current)
+
+
+def _drag(force: Float64 | float, speed: Float64, linear: Float64) -> tuple[Float64, Float64]:
+    """Give linear and quadratic drag that hold a force at a speed, a share of it the linear's."""
+    return linear * force / speed, (1.0 - linear) * force / speed**2
+
+
+def _log_between(range_: tuple[float, float], share: Float64) -> Float64:
+    """Give the value at a share of a range, by its logarithm."""
+    low, high = range_
+    value: Float64 = low * (high / low) ** share
+    return value
 
 
 class State:
@@ -72,7 +213,14 @@ class State:
     Arrays that the environment changes in place. Places in the plane are complex, north + i east.
     """
 
-    def __init__(self, episodes: int, vessels: int, buoys: int, scripted: int = 0) -> None:
+    def __init__(
+        self,
+        episodes: int,
+        vessels: int,
+        buoys: int,
+        scripted: int = 0,
+        vessel: VesselParameters | None = None,
+    ) -> None:
         self.shape = shape = (episodes, vessels)
         self.north_east = np.zeros((2, *shape))
         """[m] (2, E, V)"""
@@ -100,6 +248,26 @@ class State:
         """[m/s] (E, T)"""
         self.scripted_radius = np.zeros((episodes, scripted))
         """[m] (E, T) Of the circle around each; 0 where there is none."""
+        self.scripted_half = np.zeros((episodes, scripted, 2))
+        """[m] (E, T, 2) Half of length and beam."""
+        self.scripted_heading = np.zeros((episodes, scripted))
+        """[rad] (E, T)"""
+        self.scripted_turn = np.zeros((episodes, scripted))
+        """[rad/s] (E, T) Change of course."""
+        self.scripted_outlined = np.zeros((episodes, scripted), bool)
+        """(E, T) Whether outlines are seen; else circles."""
+        like = vessel or VesselParameters()
+        self.radius = np.full(shape, like.radius)
+        """[m] (E, V) Of the circles around the vessels."""
+        self.thrust_min = np.full(shape, like.thrust_min_n)
+        """[N] (E, V) Of each propeller."""
+        self.told = np.empty((*shape, len(HULL_COLUMNS)), np.float32)
+        """(E, V, 10) What the policies are told of their hulls (`HULL_COLUMNS`)."""
+        self.told[:] = describe_hull(like)
+        self.current = np.zeros(episodes, complex)
+        """[m/s] (E,) Velocity of the water."""
+        self.range = np.full(episodes, np.nan)
+        """[m] (E,) How far is seen; NaN: the environment's."""
         self.decisions = np.zeros(episodes, np.int64)
         """[-] (E,) Since the episode began."""
 
@@ -114,6 +282,18 @@ class State:
         distance: Float64 = np.abs(self.goal - self.position)
         return distance
 
+    @property
+    def velocity(self) -> Points:
+        """[m/s] (E, V) Over ground, of who is under way; 0 of the others."""
+        through_water = (self.nu[0] + 1j * self.nu[1]) * np.exp(1j * self.heading)
+        velocity: Points = (through_water + self.current[:, None]) * self.active
+        return velocity
+
+    def take_hulls(self, slots: Index, hulls: Hulls) -> None:
+        """Give the vessels of some slots their hulls, and these slots their current."""
+        self.radius[slots], self.thrust_min[slots] = hulls.radius, hulls.thrust_min
+        self.told[slots], self.current[slots] = hulls.told, hulls.current
+
     def begin(self, slots: Index, scenario: Scenarios) -> None:
         """Put new episodes in some slots, at rest."""
         self.position[slots] = scenario.start
@@ -127,6 +307,18 @@ class State:
         self.buoy[slots] = scenario.buoy
         self.buoy_there[slots] = scenario.buoy_there
         self.decisions[slots] = 0
+        strangers = scenario.strangers
+        if strangers is not None:
+            self.scripted[slots], self.scripted_velocity[slots] = (
+                strangers.place,
+                strangers.velocity,
+            )
+            self.scripted_half[slots] = strangers.half
+            self.scripted_heading[slots] = strangers.heading
+            self.scripted_radius[slots] = np.hypot(strangers.half[..., 0], strangers.half[..., 1])
+            self.scripted_outlined[slots] = strangers.outlined
+            self.scripted_turn[slots] = strangers.turn
+            self.range[slots] = strangers.range_m
 
     def halt_others(self) -> None:
         """Stop who is not under way."""
@@ -155,15 +347,21 @@ class Coefficients:
         self._turning = dt * np.array([[1.0], [-1.0], [0.0]]) if coriolis == "twice" else 0.0
         self.assign(np.arange(vessels), np.array(physical(parameters))[:, None])
 
-    def assign(self, which: Index, values: Float64) -> None:
-        """Set some vessels' coefficients from their `physical` values, (10, n)."""
+    def assign(self, which: Index, values: Float64, twice: Mask | None = None) -> None:
+        """Set some vessels' coefficients from their `physical` values, (10, n).
+
+        `twice` (n,) tells in which Coriolis acts twice, whatever the environment's setting.
+        """
         inertia = values[:3]
         m11, m22 = inertia[0], inertia[1]
         self.gain[:, which] = self.dt / inertia
         self.keep[:, which] = 1.0 - self.dt * values[3:6] / inertia
         self.drag[:, which] = self.dt * values[6:9] / inertia
         coriolis = self.dt * np.stack([m22, -m11, m11 - m22]) / inertia
-        self.coriolis[:, which] = coriolis + self._turning
+        turning = self._turning
+        if twice is not None and twice.any():
+            turning = np.where(twice, self.dt * np.array([[1.0], [-1.0], [0.0]]), turning)
+        self.coriolis[:, which] = coriolis + turning
         self.lever[which] = values[9]
 
 
@@ -191,37 +389,45 @@ class Forces:
             if low > high:
                 raise ConfigError(f"({low}, {high}) is not (least, greatest)", key=name)
         self.settings, self.shape, self._dt = settings, shape, substep_s
+        self._vessel = vessel
         self._acting = settings.forces
         other = settings.other_vessel
-        self._varied = other is not None
+        self._varied = other is not None or settings.hulls.share > 0.0
         vessels = math.prod(shape) if self._varied else 1
         self.coefficients = Coefficients(vessel, substep_s, vessels, coriolis)
-        self._range = np.array([physical(vessel), physical(other or vessel)])[..., None]
+        self._lag: Float64 | float = settings.thrust_lag_s
+        self._gain: Float64 | None = None
+        if settings.hulls.share > 0.0:
+            self._lag, self._gain = np.zeros(shape), np.ones((2, *shape))
         self.wind = np.zeros(shape, complex)
-        """[m/s] (E, V) Where it blows to."""
+        """[m/s] (E, V) Where it blows to, seen from the water."""
         self._gust_phase = np.zeros(shape)
         self._wave = np.zeros((3, *shape))  # [N, N, N m] amplitudes
         self._wave_phase = np.zeros((3, *shape))
         self.thrust = np.zeros((2, *shape))
         """[N] (2, E, V) As it is where it lags, not as it is commanded."""
 
-    def begin(self, slots: Index, chance: Float64) -> None:
-        """Draw the conditions of new episodes from uniform numbers, (n, V + 1, CHANCES)."""
+    def begin(self, slots: Index, chance: Float64, hulls: Hulls | None = None) -> None:
+        """Draw the conditions of new episodes from uniform numbers, (n, V + 1, chances)."""
         if not (self._varied or self._acting):
             return
+        hulls = hulls or draw_hulls(self.settings, self._vessel, chance)
         s, all_, each = self.settings, chance[:, -1], chance[:, :-1]
         speed = _between(s.wind_mps, all_[:, 0])
         self.wind[slots] = (speed * np.exp(2j * np.pi * all_[:, 1]))[:, None]
+        if hulls.current.any():  # over the water, which carries the vessels
+            self.wind[slots] -= (hulls.current * (speed > 0.0))[:, None]
         self._gust_phase[slots] = 2 * np.pi * all_[:, 2, None]
         force, moment = _between(s.wave_force_n, all_[:, 3]), _between(s.wave_moment_nm, all_[:, 4])
         self._wave[:, slots] = np.stack([force, force, moment])[..., None]
         self._wave_phase[:, slots] = 2 * np.pi * np.moveaxis(each[..., :3], -1, 0)
         self.thrust[:, slots] = 0.0
         if self._varied:
-            low, high = self._range
-            share = each[..., 3:13].reshape(-1, 10).T
             which = (slots[:, None] * self.shape[1] + np.arange(self.shape[1])).ravel()
-            self.coefficients.assign(which, low + (high - low) * share)
+            values, twice = hulls.physical.reshape(10, -1), hulls.twice.reshape(-1)
+            self.coefficients.assign(which, values, twice)
+        if self._gain is not None and isinstance(self._lag, np.ndarray):
+            self._lag[slots], self._gain[:, slots] = hulls.lag, hulls.gain
 
     def decide(self, command: Float64, heading: Float64, active: Mask, elapsed_s: Float64) -> None:
         """Take in a decision: command (2, E, V) [N], heading and active (E, V), time (E,) [s]."""
@@ -250,6 +456,8 @@ class Forces:
         return tau
 
     def _of_thrusters(self, thrust: Float64) -> Float64:
+        if self._gain is not None:
+            thrust = thrust * self._gain
         left, right = thrust.reshape(2, -1)
         tau = np.zeros((3, len(left)))
         np.add(left, right, out=tau[0])
@@ -259,10 +467,14 @@ class Forces:
 
     def _thrusters(self) -> Float64:
         """Let the thrust follow its command: first order."""
-        lag = self.settings.thrust_lag_s
-        if lag <= 0.0:
-            return self._constant
-        self.thrust += (self._command - self.thrust) * -math.expm1(-self._dt / lag)
+        lag = self._lag
+        if isinstance(lag, float):
+            if lag <= 0.0:
+                return self._constant
+            follow: Float64 | float = -math.expm1(-self._dt / lag)
+        else:
+            follow = -np.expm1(-self._dt / np.maximum(lag, 1e-3))
+        self.thrust += (self._command - self.thrust) * follow
         return self._of_thrusters(self.thrust)
 
     def _of_wind(self, nu: Float64) -> Float64:
@@ -403,8 +615,7 @@ class Physics:
             action = np.where(state.active[..., None], action, 0.0)
         rate = np.clip(np.asarray(action, np.float64), -1.0, 1.0) * RATE_LIMIT
         state.thrust += rate.transpose(2, 0, 1) * self._period
-        low, high = self._vessel.thrust_min_n, self._vessel.thrust_max_n
-        np.clip(state.thrust, low, high, out=state.thrust)
+        np.clip(state.thrust, state.thrust_min, self._vessel.thrust_max_n, out=state.thrust)
         state.thrust *= state.active
         elapsed_s = state.decisions.astype(np.float64) * self._period
         self.forces.decide(state.thrust, state.heading, state.active, elapsed_s)
@@ -414,18 +625,72 @@ class Physics:
             state.nu.reshape(3, -1),
             self.forces,
         )
+        if state.current.any():
+            self._drift()
         state.position.real, state.position.imag = state.north_east
         state.scripted += state.scripted_velocity * self._period
+        if state.scripted_turn.any():
+            turn = state.scripted_turn * self._period
+            state.scripted_velocity *= np.exp(1j * turn)
+            state.scripted_heading += turn
+
+    def _drift(self) -> None:
+        """Let the current carry who is under way: the motion so far was through the water."""
+        state, motion = self._state, self.motion
+        drift = state.current[:, None] * state.active
+        times = self._substep * np.arange(len(motion.trajectory))
+        carried = np.stack([drift.real, drift.imag]).reshape(2, -1)
+        motion.trajectory += times[:, None, None] * carried
+        state.north_east += (times[-1] * carried).reshape(state.north_east.shape)
 
     def touched(self) -> tuple[Mask, Mask]:
         """Tell which vessels touched a vessel, and which a buoy, in the decision just made."""
-        state, radius = self._state, self._vessel.radius
+        state, radius = self._state, self._state.radius
         flat = self.motion.trajectory
         trajectory = flat.reshape(len(flat), 2, *state.shape)
         far = strayed(flat).reshape(state.shape)
         vessel = between_vessels(trajectory, far, state.there, radius) & state.active
+        if state.scripted.shape[1]:
+            vessel |= self._with_scripted(trajectory, far)
         there, buoys = state.active, (state.buoy, state.buoy_there, self._buoy_radius)
         return vessel, with_buoys(trajectory, far, there, radius, *buoys)
+
+    def _with_scripted(self, trajectory: Float64, far: Float64) -> Mask:
+        """Tell whose circle, (E, V), touched a scripted vessel's rectangle."""
+        state, touched = self._state, np.zeros(self._state.shape, bool)
+        apart = np.abs(state.scripted[:, None] - state.position[..., None])
+        reach = state.scripted_radius + np.abs(state.scripted_velocity) * self._period
+        near = apart < reach[:, None] + (state.radius + 2 * far)[..., None]
+        near &= state.active[..., None] & (state.scripted_radius > 0.0)[:, None]
+        e, o, k = np.nonzero(near)
+        if e.size:
+            own = trajectory[1:, 0, e, o] + 1j * trajectory[1:, 1, e, o]
+            times = self._substep * np.arange(1, len(own) + 1) - self._period
+            theirs = state.scripted[e, k] + state.scripted_velocity[e, k] * times[:, None]
+            gap = rectangle_gap(
+                theirs - own, state.scripted_heading[e, k], state.scripted_half[e, k]
+            )
+            hit = gap.min(axis=0) < state.radius[e, o]
+            touched[e[hit], o[hit]] = True
+        return touched
+
+
+def rectangle_gap(between: NDArray[np.complexfloating], heading: Float64, half: Float64) -> Float64:
+    """Give the distance from points to rectangles [m]; 0 inside. All broadcast.
+
+    Parameters
+    ----------
+    between : (...) complex
+        [m] [N] From the point to the rectangle's centre.
+    heading : (...) float
+        [rad]
+    half : (..., 2) float
+        [m] Half of length and beam.
+    """
+    seen = between * np.exp(-1j * heading)
+    along = np.maximum(np.abs(seen.real) - half[..., 0], 0.0)
+    gap: Float64 = np.hypot(along, np.maximum(np.abs(seen.imag) - half[..., 1], 0.0))
+    return gap
 
 
 # Contacts are checked at every sub-step. First a bound: two circles whose distance at the start
@@ -441,7 +706,7 @@ def strayed(trajectory: Float64) -> Float64:
     return farthest
 
 
-def between_vessels(trajectory: Float64, strayed: Float64, there: Mask, radius: float) -> Mask:
+def between_vessels(trajectory: Float64, strayed: Float64, there: Mask, radius: Float64) -> Mask:
     """Tell which vessels touched another one.
 
     Parameters
@@ -452,7 +717,7 @@ def between_vessels(trajectory: Float64, strayed: Float64, there: Mask, radius: 
         [m] Farthest from the first position.
     there : (E, V) bool
         Which of them are on the water.
-    radius : float
+    radius : (E, V) float64
         [m] Of each.
 
     Returns
@@ -469,7 +734,7 @@ def between_vessels(trajectory: Float64, strayed: Float64, there: Mask, radius: 
     episode, i, j = np.nonzero(near)
     if episode.size:
         offset = trajectory[1:, :, episode, i] - trajectory[1:, :, episode, j]
-        hit = _closest(offset) < 2 * radius
+        hit = _closest(offset) < radius[episode, i] + radius[episode, j]
         touched[episode[hit], i[hit]] = True
         touched[episode[hit], j[hit]] = True
     return touched
@@ -479,7 +744,7 @@ def with_buoys(
     trajectory: Float64,
     strayed: Float64,
     there: Mask,
-    radius: float,
+    radius: Float64,
     buoy: Points,
     buoy_there: Mask,
     buoy_radius: float,
@@ -497,7 +762,7 @@ def with_buoys(
     if episode.size:
         centre = buoy[episode, which]
         offset = trajectory[1:, :, episode, vessel] - np.stack([centre.real, centre.imag])
-        hit = _closest(offset) < radius + buoy_radius
+        hit = _closest(offset) < radius[episode, vessel] + buoy_radius
         touched[episode[hit], vessel[hit]] = True
     return touched
 

@@ -1,6 +1,6 @@
 """What is kept of experience: transitions in a ring, or rollouts for on-policy algorithms.
 
-A transition is one row of 78 numbers, written once, into the memory that batches are drawn from:
+A transition is one row of numbers, written once, into the memory that batches are drawn from:
 the observation's row, the action, the reward over n steps, the discount, the next observation.
 
 The replay lies beside a checkpoint in files of the transitions that came since the one before. A
@@ -23,7 +23,7 @@ from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float32, Float64
 from twinscrew.runtime.settings import Fraction, NonNegative, Settings
 from twinscrew.training.networks import Observations, unpack
-from twinscrew.training.perception import PACKED_COLUMNS
+from twinscrew.training.perception import PAPER, Layout
 from twinscrew.training.runs import replace_file
 from twinscrew.training.scenarios import Index, Mask
 
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from twinscrew.training.agents.base import Agent
     from twinscrew.training.settings import TrainSettings
 
-TRANSITION_COLUMNS = 2 * PACKED_COLUMNS + 4
-"""[-] Observation, action (2), reward, discount, next observation."""
+TRANSITION_COLUMNS = 2 * sum(PAPER.widths) + 4
+"""[-] Observation as the paper has it, action (2), reward, discount, next observation."""
 FILES = "replay_*.npy"
 BLOCK = 1024
 """[-] Transitions in a block of priorities; about the root of a million."""
@@ -54,7 +54,7 @@ class Step(NamedTuple):
     """One decision of M slots (a slot is a place for a vessel in an episode)."""
 
     observation: Float32
-    """(M, 37) Rows that were acted on."""
+    """(M, W) Rows that were acted on."""
     action: Float32
     """(M, 2) in [-1, 1]."""
     reward: Float32
@@ -66,7 +66,7 @@ class Step(NamedTuple):
     active: Mask
     """(M,) Slots that held a sailing vessel when the step began."""
     next_observation: Float32
-    """(M, 37) After the step, before any reset."""
+    """(M, W) After the step, before any reset."""
 
 
 class Batch(NamedTuple):
@@ -87,8 +87,9 @@ class Batch(NamedTuple):
 
 
 def split_rows(rows: Tensor) -> Batch:
-    """Read transitions, (..., B, 78), as a batch."""
-    widths = [PACKED_COLUMNS, 2, 1, 1, PACKED_COLUMNS]
+    """Read transitions, (..., B, W), as a batch."""
+    width = (rows.shape[-1] - 4) // 2
+    widths = [width, 2, 1, 1, width]
     first, action, reward, discount, last = torch.split(rows, widths, dim=-1)
     return Batch(unpack(first), action, reward.squeeze(-1), discount.squeeze(-1), unpack(last))
 
@@ -97,7 +98,7 @@ class Drawn(NamedTuple):
     """Transitions drawn from a memory."""
 
     rows: Tensor
-    """(B, 78)"""
+    """(B, W)"""
     weight: Tensor | None = None
     """(B,) Of each sample's loss, where they are drawn by priority."""
     places: Tensor | None = None
@@ -155,8 +156,14 @@ class Replay:
     trajectory ends: so every step that a vessel sailed becomes exactly one, but those still open.
     """
 
-    def __init__(self, capacity: int, steps: int = 1, discount: float = 0.99) -> None:
-        self.rows = torch.zeros(capacity, TRANSITION_COLUMNS)
+    def __init__(
+        self,
+        capacity: int,
+        steps: int = 1,
+        discount: float = 0.99,
+        layout: Layout = PAPER,
+    ) -> None:
+        self.rows = torch.zeros(capacity, 2 * sum(layout.widths) + 4)
         self.added = 0
         """[-] Transitions since the last `clear`: number n lies in place n modulo the capacity."""
         self.cleared = 0
@@ -195,7 +202,7 @@ class Replay:
         self, start: Step, reward: Float64, discount: Float64, end: Step, slots: Index
     ) -> Tensor:
         """Write transitions of some slots into the ring; the oldest make room. Gives the places."""
-        capacity, width = len(self.rows), PACKED_COLUMNS
+        capacity, width = len(self.rows), start.observation.shape[-1]
         slots = slots[-capacity:]
         places = (np.arange(len(slots)) + self.added) % capacity
         rows = self.rows.numpy()
@@ -303,8 +310,9 @@ class PrioritisedReplay(Replay):
         capacity: int,
         steps: int = 1,
         discount: float = 0.99,
+        layout: Layout = PAPER,
     ) -> None:
-        super().__init__(capacity, steps, discount)
+        super().__init__(capacity, steps, discount, layout)
         self.settings = settings
         self.correction = settings.correction_start
         blocks = -(-capacity // BLOCK)
@@ -457,7 +465,9 @@ class Rollout:
 
 def make_replay(settings: TrainSettings) -> Replay:
     """Build the replay that the settings name."""
-    shape = (settings.replay, settings.n_steps, settings.discount)
+    seen = settings.environment
+    layout = Layout(seen.observed_objects, seen.extended)
+    shape = (settings.replay, settings.n_steps, settings.discount, layout)
     if settings.priority is not None:
         return PrioritisedReplay(settings.priority, *shape)
     return Replay(*shape)

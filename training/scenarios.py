@@ -19,7 +19,15 @@ from numpy.typing import NDArray
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64
-from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings, load, shipped
+from twinscrew.runtime.settings import (
+    Count,
+    Fraction,
+    NonNegative,
+    Positive,
+    Settings,
+    load,
+    shipped,
+)
 
 Points = NDArray[np.complex128]
 Index = NDArray[np.intp]
@@ -42,6 +50,8 @@ class ScenarioSettings(Settings, frozen=True):
     """[-] Static obstacles. Of very many, no layout is found in any bearable time."""
     min_distance_m: NonNegative = 30.0
     """[m] At least this far from each start to its goal."""
+    strangers: Annotated[int, Meta(ge=0, le=8)] = 0
+    """[-] Up to so many vessels that give no way (`StrangerSettings`)."""
     weight: NonNegative = 1.0
     """[-] How often this row is drawn, relative to the others of a mixture."""
 
@@ -70,6 +80,58 @@ class MapSettings(Settings, frozen=True):
         return self.size_m - 2 * self.margin_m
 
 
+class Kind(NamedTuple):
+    """What strangers of a kind are like; ranges are (least, greatest)."""
+
+    weight: float
+    most: int
+    length_m: tuple[float, float]
+    speed_mps: tuple[float, float]
+
+
+KINDS = (
+    Kind(2.0, 4, (2.0, 8.0), (0.3, 2.7)),  # of the own size
+    Kind(3.0, 4, (2.0, 12.0), (2.3, 6.0)),  # faster than the own vessel
+    Kind(2.5, 3, (8.0, 26.0), (0.3, 4.5)),  # ships
+    Kind(1.0, 5, (1.0, 16.0), (0.0, 0.0)),  # at anchor
+    Kind(1.5, 5, (1.0, 26.0), (0.0, 6.0)),  # anything
+)
+
+
+class StrangerSettings(Settings, frozen=True):
+    """Vessels that give no way: they hold course and speed, or turn as they like."""
+
+    outlined: Fraction = 0.5
+    """[-] Share of the episodes in which their outlines are seen; else the circles around them."""
+    turning: Fraction = 0.25
+    """[-] Share of them that turn all the time,"""
+    turn_rate_radps: NonNegative = 0.06
+    """[rad/s] up to so fast."""
+    spread_m: NonNegative = 3.0
+    """[m] Standard deviation, along and across, of where they meet a vessel's straight way."""
+    far_range_m: Positive = 60.0
+    """[m] Each episode's range of sight lies anywhere between the environment's and this."""
+
+
+class Strangers(NamedTuple):
+    """N episodes with room for T strangers each."""
+
+    place: Points
+    """(N, T) [m]"""
+    velocity: Points
+    """(N, T) [m/s]"""
+    half: Float64
+    """(N, T, 2) [m] Half of length and beam; 0 where there is none."""
+    heading: Float64
+    """(N, T) [rad]"""
+    turn: Float64
+    """(N, T) [rad/s]"""
+    outlined: Mask
+    """(N, T)"""
+    range_m: Float64
+    """(N,) [m] How far is seen."""
+
+
 class Scenarios(NamedTuple):
     """N episodes with room for V vessels and M buoys each."""
 
@@ -85,6 +147,8 @@ class Scenarios(NamedTuple):
     """(N, M) [m]."""
     buoy_there: Mask
     """(N, M) Whether there is such a buoy."""
+    strangers: Strangers | None = None
+    """Vessels that give no way, where any are asked for."""
 
 
 class _Table(Settings, frozen=True):
@@ -265,3 +329,104 @@ def _take_first(
     for into, candidates in assignments:
         into[episodes[found], column] = candidates[found, first[found]]
     return found
+
+
+def draw_strangers(
+    scenario: Scenarios,
+    most: Index,
+    settings: StrangerSettings,
+    range_m: float,
+    generators: Sequence[Generator],
+    room: int,
+) -> Strangers:
+    """Draw vessels that give no way, aimed to meet the others on their ways.
+
+    Parameters
+    ----------
+    scenario
+        N episodes.
+    most : (N,) int
+        How many there are at most.
+    settings
+        What they are like.
+    range_m
+        [m] The environment's range of sight.
+    generators
+        N of them; each episode uses its own only.
+    room
+        T.
+    """
+    count = len(generators)
+    found = Strangers(
+        place=np.zeros((count, room), complex),
+        velocity=np.zeros((count, room), complex),
+        half=np.zeros((count, room, 2)),
+        heading=np.zeros((count, room)),
+        turn=np.zeros((count, room)),
+        outlined=np.zeros((count, room), bool),
+        range_m=np.full(count, range_m),
+    )
+    weights = np.cumsum([kind.weight for kind in KINDS])
+    for n in np.flatnonzero(most > 0).tolist():
+        g = generators[n]
+        dice = g.random(4)
+        kind = KINDS[int(np.searchsorted(weights, dice[0] * weights[-1], side="right"))]
+        wanted = 1 + int(dice[1] * min(kind.most, most[n]))
+        found.outlined[n] = dice[2] < settings.outlined
+        found.range_m[n] += dice[3] * max(settings.far_range_m - range_m, 0.0)
+        there = scenario.vessel[n]
+        ways = scenario.start[n, there], scenario.goal[n, there]
+        for t in range(wanted):
+            _place_stranger(found, n, t, kind, settings, ways, g)
+    return found
+
+
+CLEAR_M, CLEAR_S = 9.0, 2.5
+"""[m], [s] A stranger begins at least so far from every vessel, and as far as it sails in this."""
+USUAL_MPS = 2.5
+"""[m/s] About a vessel's mean speed on its way: when it is where a stranger is aimed."""
+
+
+def _place_stranger(
+    into: Strangers,
+    n: int,
+    t: int,
+    kind: Kind,
+    settings: StrangerSettings,
+    ways: tuple[Points, Points],
+    g: Generator,
+) -> None:
+    """Place one stranger, unless no place is found in a few tries."""
+    start, goal = ways
+    u = g.random(6)
+    length = kind.length_m[0] * (kind.length_m[1] / kind.length_m[0]) ** u[0]
+    half = np.array([length, length * (0.2 + 0.4 * u[1])]) / 2
+    speed = kind.speed_mps[0] + (kind.speed_mps[1] - kind.speed_mps[0]) * u[2]
+    around = float(np.hypot(*half))
+    turn = (2 * u[4] - 1) * settings.turn_rate_radps if u[3] < settings.turning and speed else 0.0
+    for _ in range(8):
+        u, spread = g.random(6), g.normal(0.0, settings.spread_m, 2)
+        who = int(u[0] * len(start))
+        way = goal[who] - start[who]
+        meet = start[who] + u[1] * way + complex(*spread)
+        after_s = 1.5 + u[1] * abs(way) / (USUAL_MPS * (0.75 + 0.5 * u[2]))
+        course = 2 * np.pi * u[3]
+        if u[4] < 0.25:  # head-on
+            course = float(np.angle(-way)) + 0.3 * (u[3] - 0.5)
+        elif u[4] < 0.35:  # overtaking or overtaken
+            course = float(np.angle(way)) + 0.5 * (u[3] - 0.5)
+        velocity = speed * np.exp(1j * course)
+        if turn:  # sail the arc back
+            place = meet - velocity * (1 - np.exp(-1j * turn * after_s)) / (1j * turn)
+            course -= turn * after_s
+            velocity = speed * np.exp(1j * course)
+        else:
+            place = meet - velocity * after_s
+        clear = np.abs(start - place).min() - around
+        if clear < CLEAR_M + CLEAR_S * speed:
+            continue
+        if speed < 0.2 and np.abs(goal - place).min() - around < CLEAR_M:
+            continue
+        into.place[n, t], into.velocity[n, t] = place, velocity
+        into.half[n, t], into.heading[n, t], into.turn[n, t] = half, course, turn
+        return

@@ -1,10 +1,11 @@
 """Sail given episodes: those of an experiment, or one own vessel among scripted others.
 
 Scripted vessels are rectangles that hold course and speed (`twinscrew evaluate --traffic`). The own
-vessel sees each as the circle around its rectangle, radius 0.5 sqrt(length^2 + beam^2): the same
-rule that makes a WAM-V of 5.0 m x 2.5 m the circle of 2.795 m that policies were trained on; noise
-and range are the training environment's. Contact is judged between rectangles, the own one of the
-vessel's length and width, after every sub-step, and counts for the own vessel alone.
+vessel sees each as that rectangle, if its policy takes outlines; else as the circle around it,
+radius 0.5 sqrt(length^2 + beam^2): the same rule that makes a WAM-V of 5.0 m x 2.5 m the circle of
+2.795 m. Noise is the training environment's; the range of sight is the policy's. Contact is judged
+between rectangles, the own one of the vessel's length and width, after every sub-step, and counts
+for the own vessel alone.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ from numpy.typing import NDArray
 
 from twinscrew.runtime.errors import NOT_THE_FORMAT, ConfigError
 from twinscrew.runtime.messages.types import Float64
+from twinscrew.runtime.policy.hull_units import HullUnits
 from twinscrew.runtime.settings import Positive, Settings, convert
 from twinscrew.training.environment import RATE_LIMIT, EnvironmentSettings, VectorEnv
-from twinscrew.training.evaluate import BatchPolicy, Evaluation, sail, score
+from twinscrew.training.evaluate import BatchPolicy, Evaluation, sail, score, shown_to
 from twinscrew.training.perception import Observations
 from twinscrew.training.scenarios import Mask, Points, ScenarioSettings
 
@@ -97,7 +99,7 @@ def evaluate_given(
 ) -> Evaluation:
     """Sail given episodes with one policy on every vessel; `seed` is of the noise."""
     settings = environment or EnvironmentSettings()
-    settings = msgspec.structs.replace(settings, period_s=policy.period_s)
+    settings = shown_to(policy, settings)
     return score(sail(GivenEnv(given, settings, seed), policy), seed)
 
 
@@ -170,6 +172,95 @@ def read_traffic(file: Path) -> Traffic:
     return convert(values, Traffic, file=file)
 
 
+class _Set(NamedTuple):
+    """One row of the traffic table; ranges are (least, greatest)."""
+
+    others: tuple[int, int]
+    speed_mps: tuple[float, float]
+    length_m: tuple[float, float]
+    beam: float
+    """[-] Of the length."""
+
+
+SETS = {
+    "slow": _Set((1, 4), (0.5, 2.5), (5.0, 5.0), 0.5),
+    "fast": _Set((1, 3), (2.5, 5.0), (5.0, 5.0), 0.5),
+    "large": _Set((1, 2), (0.5, 3.0), (7.2, 17.9), 0.5),  # radii 4 to 10 m
+    "anchored": _Set((1, 4), (0.0, 0.0), (1.8, 8.9), 0.5),  # radii 1 to 5 m
+}
+"""Others that hold course and speed, aimed to meet the own vessel's straight way."""
+IMAZU: tuple[tuple[float, ...], ...] = (
+    *((180,), (270,), (0,), (45,)),
+    *((180, 270), (350, 315), (0, 315), (180, 90), (330, 270), (270, 15), (90, 330)),
+    *((180, 315, 350), (180, 10, 45), (350, 315, 270), (0, 315, 270), (45, 90, 270)),
+    *((0, 10, 315), (225, 345, 330), (15, 345, 225), (0, 345, 270), (345, 15, 270), (0, 315, 270)),
+)
+"""[deg] Courses of the others in Imazu's 22 encounters (1987), the own vessel's being 0. Unaltered,
+all meet at one point at one time; who sails the own course is slower, and overtaken. The scale is
+ours: 8 lengths of the default vessel from the start to that point."""
+IMAZU_SLOW, IMAZU_HALF_WAY_M = 0.4, 40.0
+HALF_WAY_M, OWN_SPEED_MPS = 20.0, 2.5
+"""[m], [m/s] From the start to the middle of the own way; about the own speed on it."""
+
+
+def draw_traffic(name: str, episodes: int, seed: int) -> Traffic:
+    """Draw the episodes of one of the `SETS`, or of "imazu": its 22 encounters in turn, jittered.
+
+    Raises
+    ------
+    ConfigError
+        There is no such set.
+    """
+    if name not in SETS and name != "imazu":
+        allowed = ", ".join((*SETS, "imazu"))
+        raise ConfigError(f"no such file or set; sets are {allowed}, got {name!r}", key="--traffic")
+    generator = np.random.default_rng([seed, sum(name.encode())])
+    made: list[Encounter] = []
+    while len(made) < episodes:
+        heading = generator.uniform(-np.pi, np.pi)
+        far = IMAZU_HALF_WAY_M if name == "imazu" else HALF_WAY_M
+        half = far * np.exp(1j * heading)
+        if name == "imazu":
+            others = _imazu(IMAZU[len(made) % len(IMAZU)], heading, generator)
+        else:
+            others = _aimed(SETS[name], half, generator)
+        if others:
+            own = Own(_place(-half), float(np.degrees(heading)), _place(half))
+            made.append(Encounter(own, tuple(others)))
+    return Traffic(tuple(made))
+
+
+def _place(where: complex) -> Place:
+    return float(where.real), float(where.imag)
+
+
+def _aimed(kind: _Set, half: complex, g: np.random.Generator) -> list[Other]:
+    """Draw others that meet the own way, at least 12 m clear of the start and 8 m of the goal."""
+    others = []
+    for _ in range(int(g.integers(kind.others[0], kind.others[1] + 1))):
+        length, speed = g.uniform(*kind.length_m), g.uniform(*kind.speed_mps)
+        after_s, course = g.uniform(6.0, 16.0), g.uniform(-np.pi, np.pi)
+        along = min(OWN_SPEED_MPS * after_s, 34.0) / (2 * HALF_WAY_M)
+        meet = half * (2 * along - 1) + complex(*g.uniform(-3.0, 3.0, 2))
+        start = meet - speed * after_s * np.exp(1j * course)
+        beam, around = kind.beam * length, np.hypot(length, kind.beam * length) / 2
+        if abs(start + half) > 12.0 + around and abs(start - half) > 8.0 + around:
+            others.append(Other(_place(start), float(np.degrees(course)), speed, length, beam))
+    return others
+
+
+def _imazu(courses: tuple[float, ...], heading: float, g: np.random.Generator) -> list[Other]:
+    """Draw an encounter of Imazu's: courses within 5 degrees, speeds within a tenth, 1 m."""
+    others, after_s = [], IMAZU_HALF_WAY_M / OWN_SPEED_MPS
+    for course in courses:
+        slow = IMAZU_SLOW if course == 0 else 1.0
+        speed = OWN_SPEED_MPS * slow * g.uniform(0.9, 1.1)
+        way = heading + np.radians(course + g.uniform(-5.0, 5.0))
+        start = complex(*g.normal(0.0, 1.0, 2)) - speed * after_s * np.exp(1j * way)
+        others.append(Other(_place(start), float(np.degrees(way)), speed, 5.0, 2.5))
+    return others
+
+
 class TrafficEnv(GivenEnv):
     """The training environment with one own vessel an episode among scripted ones."""
 
@@ -203,6 +294,8 @@ class TrafficEnv(GivenEnv):
         state = self.state
         state.scripted[:], state.scripted_velocity[:] = self._start, self._velocity
         state.scripted_radius[:] = np.hypot(self._half[..., 0], self._half[..., 1])
+        state.scripted_half[:], state.scripted_heading[:] = self._half, self._course
+        state.scripted_outlined[:] = self.settings.extended
         return super().reset()
 
     def touched(self) -> tuple[Mask, Mask]:
@@ -277,15 +370,50 @@ def _corners(
     return apart, clear
 
 
+def in_hull_units(traffic: Traffic, units: HullUnits) -> Traffic:
+    """Give the same episodes in a hull's own units."""
+    length, speed, change = units.length, units.speed, msgspec.structs.replace
+
+    def place(where: Place) -> Place:
+        return where[0] / length, where[1] / length
+
+    return Traffic(
+        time_limit_s=traffic.time_limit_s / units.time,
+        episodes=tuple(
+            Encounter(
+                own=change(one.own, start_m=place(one.own.start_m), goal_m=place(one.own.goal_m)),
+                others=tuple(
+                    change(
+                        other,
+                        start_m=place(other.start_m),
+                        speed_mps=other.speed_mps / speed,
+                        length_m=other.length_m / length,
+                        beam_m=other.beam_m / length,
+                    )
+                    for other in one.others
+                ),
+            )
+            for one in traffic.episodes
+        ),
+    )
+
+
 def evaluate_traffic(
     policy: BatchPolicy,
     traffic: Traffic,
     seed: int = 0,
     environment: EnvironmentSettings | None = None,
+    units: HullUnits | None = None,
 ) -> dict[str, Any]:
-    """Sail the episodes of a traffic file, the policy on the own vessel; give plain values."""
+    """Sail the episodes of a traffic file, the policy on the own vessel; give plain values.
+
+    The environment and the policy are in `units` of the own hull; the file and the answer in SI.
+    """
+    length, second, _ = units or (1.0, 1.0, 1.0)
+    if units is not None:
+        traffic = in_hull_units(traffic, units)
     settings = environment or EnvironmentSettings()
-    settings = msgspec.structs.replace(settings, period_s=policy.period_s)
+    settings = msgspec.structs.replace(shown_to(policy, settings), range_m=policy.range_m)
     env = TrafficEnv(traffic, settings, seed)
     seen, active = env.reset(), env.active
     policy.begin(*active.shape)
@@ -300,14 +428,15 @@ def evaluate_traffic(
         if not active.any():
             break
     arrived = outcome == "arrived"
-    closest = [None if np.isinf(gap) else round(float(gap), 3) for gap in env.closest_m]
+    gaps = length * env.closest_m
+    closest = [None if np.isinf(gap) else round(float(gap), 3) for gap in gaps]
     return {
         "success_rate": float(arrived.mean()),
         "contacts": int((outcome == "contact").sum()),
         "timeouts": int((outcome == "timeout").sum()),
-        "travel_time_s": float(time_s[arrived].mean()) if arrived.any() else None,
+        "travel_time_s": float(second * time_s[arrived].mean()) if arrived.any() else None,
         "episodes": [
-            {"outcome": word, "time_s": float(time), "closest_approach_m": gap}
+            {"outcome": word, "time_s": float(second * time), "closest_approach_m": gap}
             for word, time, gap in zip(outcome, time_s, closest, strict=True)
         ],
     }

@@ -48,6 +48,13 @@ def _set_mode(params: Sequence[float], on: Commanded) -> int:
     return ACCEPTED if on.rover.set_mode(params[1]) else FAILED
 
 
+def _calibrate(params: Sequence[float], on: Commanded) -> int:
+    simple = 4  # param5: one position, level
+    if params[4] != simple:
+        return UNSUPPORTED
+    return ACCEPTED if on.rover.calibrate() else FAILED
+
+
 def _set_servo(params: Sequence[float], on: Commanded) -> int:
     return ACCEPTED if on.rover.set_servo(params[0], params[1]) else FAILED
 
@@ -73,6 +80,7 @@ def _request_message(params: Sequence[float], on: Commanded) -> int:
 _HANDLERS = {
     mavlink.MAV_CMD_COMPONENT_ARM_DISARM: _arm_disarm,
     mavlink.MAV_CMD_DO_SET_MODE: _set_mode,
+    mavlink.MAV_CMD_PREFLIGHT_CALIBRATION: _calibrate,
     mavlink.MAV_CMD_DO_SET_SERVO: _set_servo,
     mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: _set_message_interval,
     mavlink.MAV_CMD_REQUEST_MESSAGE: _request_message,

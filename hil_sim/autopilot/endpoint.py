@@ -74,7 +74,8 @@ class RoverAutopilot:
         self._faces = [
             Face(self.rover, Wire(system_id, AUTOPILOT, signing), wanted) for _ in range(ports)
         ]
-        self._routes = Routes((system_id, AUTOPILOT), ports)
+        self._us = (system_id, AUTOPILOT)
+        self._routes = Routes(self._us, ports)
         self._paddles = settings.paddles
         self._origin = origin or Origin()
         self._vehicle: Odometry | None = None
@@ -101,12 +102,17 @@ class RoverAutopilot:
             locally, others = self._routes.route(message, port)
             for other in others:
                 self._faces[other].forwarded.append(bytes(message.get_msgbuf()))
+            if locally and message.get_type() == "SETUP_SIGNING":
+                self._set_up_signing(message)
+                break  # what came with it was of the time before
             if locally:
                 self._take(message, port)
 
     def step(self, now_s: float, vehicle: Odometry | None = None) -> bytes:
         """Let time pass, and give what port 0 sends: answers first, then what is due."""
         self._now_s, self._vehicle = now_s, vehicle
+        if vehicle is not None:
+            self.rover.surge_mps = float(vehicle.velocity_B[0])
         self.rover.step(now_s)
         if self.rover.mode is not self._mode:  # everybody is told of a new mode at once
             self._mode = self.rover.mode
@@ -138,6 +144,22 @@ class RoverAutopilot:
             for other in self._faces:
                 if other is not face and other.heard:
                     other.replies += face.replies[before:]
+
+    def _set_up_signing(self, message: Message) -> None:
+        """Take a signing key: from now on every port signs, and refuses what is not signed.
+
+        Read: GCS_Signing.cpp. An armed autopilot takes none; a key and a time that are all zero end
+        signing. A real one goes on accepting unsigned frames on its first port (USB).
+        """
+        if message.target_system not in (0, self._us[0]):
+            return
+        if self.rover.armed:
+            self.rover.texts.append("ERROR: Won't setup signing when armed")
+            return
+        key = bytes(message.secret_key)
+        for port, face in enumerate(self._faces):
+            signing = Signing(key, link_id=port) if any(key) or message.initial_timestamp else None
+            face.wire = Wire(*self._us, signing)
 
     def _moment(self) -> Moment:
         return Moment(self.rover, self._vehicle, self._origin, self._now_s)

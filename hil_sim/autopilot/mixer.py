@@ -82,6 +82,10 @@ class Mixer:
             self._pulses, self._outputs = pulses, self._mix(*self._paddles(*pulses))
         return self._outputs
 
+    def both(self, fraction: float) -> tuple[int, int]:
+        """Give the pulse widths [us] that drive both propellers alike, -1 to 1."""
+        return self._mix(fraction, fraction)
+
     def _mix(self, left: float, right: float) -> tuple[int, int]:
         return self._left.pulse(left), self._right.pulse(right)
 

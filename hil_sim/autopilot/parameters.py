@@ -15,6 +15,13 @@ from twinscrew.runtime.settings import CONFIG_DIR
 SHIPPED = CONFIG_DIR / "autopilot" / "ardurover.parm"
 """What a boat is set up with; the simulated autopilot starts from the same file."""
 
+SIMULATION = CONFIG_DIR / "autopilot" / "simulation.parm"
+"""What only a simulated autopilot may have, a real ArduRover's simulator among them."""
+CALIBRATED = tuple(
+    f"INS_{accelerometer}OFFS_{axis}" for accelerometer in ("ACC", "ACC2") for axis in "XYZ"
+)
+"""Accelerometers count as calibrated if none of these is 0 (read: AP_InertialSensor)."""
+
 _FACTORY: Mapping[str, float] = {
     "SYSID_THISMAV": 1.0,
     "ARMING_CHECK": 1.0,
@@ -22,6 +29,8 @@ _FACTORY: Mapping[str, float] = {
     "SIM_RC_FAIL": 1.0,  # ArduPilot's simulator only: 0 gives it a receiver, 1 none
     "SERVO2_FUNCTION": 0.0,
     "SERVO4_FUNCTION": 0.0,
+    **dict.fromkeys(CALIBRATED, 0.0),
+    **{name.replace("OFFS", "SCAL"): 1.0 for name in CALIBRATED},
 }
 """Parameters of the real one that twinscrew does not depend on, at their factory values."""
 
@@ -40,6 +49,8 @@ class Parameters:
         self._indices = {name: index for index, name in enumerate(sorted(self._values))}
         self.changes = 0
         """[-] How often a value was set since the start."""
+        self.written: set[str] = set()
+        """The names that were: what a real one keeps when it is switched off."""
 
     def __getitem__(self, name: str) -> float:
         return self._values[name]
@@ -53,6 +64,7 @@ class Parameters:
         if name in self._values and math.isfinite(value):
             self._values[name] = value
             self.changes += 1
+            self.written.add(name)
 
     def answer(self, request: Message) -> Iterable[Message]:
         """Carry out PARAM_REQUEST_LIST, PARAM_REQUEST_READ or PARAM_SET; gives the answers."""

@@ -18,8 +18,9 @@ from twinscrew.hil_sim.autopilot.mixer import (
     Mixer,
     in_uint16,
 )
-from twinscrew.hil_sim.autopilot.parameters import Parameters
+from twinscrew.hil_sim.autopilot.parameters import CALIBRATED, SIMULATION, Parameters
 from twinscrew.hil_sim.autopilot.radio import LOST_AFTER_S, Radio
+from twinscrew.runtime.link.ardupilot.parameters import read_parm
 from twinscrew.runtime.settings import NonNegative, Settings
 
 NEUTRAL_AFTER_S = 0.6
@@ -28,11 +29,19 @@ FORCE = 21196
 """Param 2 of the arm command that skips the checks (MAV_CMD_COMPONENT_ARM_DISARM)."""
 
 
+BRAKES_AFTER_S = 1.3
+"""[s] In ACRO, with sticks at rest, a boat that has way on goes astern (measured)."""
+ASTERN_PER_MPS = 0.3
+"""[1/m s] How far, for its speed (ours: the real one's speed controller has gains of its own)."""
+
+
 class Mode(IntEnum):
-    """Rover's mode numbers, `custom_mode` of its heartbeat; the two that are simulated."""
+    """Rover's mode numbers, `custom_mode` of its heartbeat; those that are simulated."""
 
     MANUAL = 0
+    ACRO = 1
     HOLD = 4
+    INITIALISING = 16
 
 
 class RoverSettings(Settings, frozen=True):
@@ -40,6 +49,11 @@ class RoverSettings(Settings, frozen=True):
 
     arming_delay_s: NonNegative = 0.0
     """[s] Arming is refused this long after boot. The real one: about 20 s (measured)."""
+    initialising_s: NonNegative = 0.0
+    """[s] After boot it says INITIALISING so long, and refuses any mode."""
+    calibrated: bool = True
+    """Whether it has config/autopilot/simulation.parm: calibrated accelerometers. The real one's
+    simulator comes without."""
     receiver: bool = False
     """Whether a radio receiver is fitted (then overrides that stop give way to its sticks)."""
     parameters: dict[str, float] = field(default_factory=dict)
@@ -58,16 +72,23 @@ class Rover:
     """
 
     def __init__(self, settings: RoverSettings, system_id: int, boot_s: float = 0.0) -> None:
-        receiver = {"SIM_RC_FAIL": 0.0 if settings.receiver else 1.0}
-        self.parameters = Parameters(system_id, receiver | settings.parameters)
+        given = read_parm(SIMULATION) if settings.calibrated else {}
+        given["SIM_RC_FAIL"] = 0.0 if settings.receiver else 1.0
+        self.parameters = Parameters(system_id, given | settings.parameters)
         self.radio = Radio(receiver=self.parameters["SIM_RC_FAIL"] == 0)
-        self.mode = Mode.MANUAL
+        self.mode = Mode.INITIALISING if settings.initialising_s > 0.0 else Mode.MANUAL
         self.armed = False
         self.failsafe = False
         """True while the radio failsafe holds the boat."""
         self.boot_s = boot_s
         self.texts: list[str] = []
         """What it wants to tell (STATUSTEXT); the endpoint takes them out."""
+        self.refusal = ""
+        """Why it did not arm when it was last asked; empty if it did."""
+        self.surge_mps = 0.0
+        """[m/s] The boat's speed ahead, which a mode that holds a speed needs."""
+        self._mode_s = boot_s
+        self._initialised_s = boot_s + settings.initialising_s
         self._arming_delay_s = settings.arming_delay_s
         self._servos = [0] * SERVOS
         self._now_s = boot_s
@@ -87,18 +108,22 @@ class Rover:
             self.radio.override(values, now_s)
 
     def set_mode(self, number: float) -> bool:
-        """Change the mode; False if there is none of this number."""
-        if number not in (Mode.MANUAL, Mode.HOLD):
+        """Change the mode; False if there is none of this number, or it is initialising."""
+        if self.mode is Mode.INITIALISING:
+            self.texts.append("Flight mode change failed")
             return False
-        self.mode = Mode(int(number))
+        if number not in (Mode.MANUAL, Mode.ACRO, Mode.HOLD):
+            return False
+        self.mode, self._mode_s = Mode(int(number)), self._now_s
         self._drive()
         return True
 
     def arm(self, *, force: bool = False) -> bool:
         """Arm; False, with the reason in `texts`, if a check forbids it."""
         refusal = None if force or self.armed else self._arming_refusal(self._now_s)
+        self.refusal = "" if refusal is None else f"Arm: {refusal}"
         if refusal is not None:
-            self.texts.append(f"Arm: {refusal}")
+            self.texts.append(self.refusal)
             return False
         if not self.armed:
             self.texts.append("Throttle armed")
@@ -113,6 +138,15 @@ class Rover:
         self.armed = False
         self._drive()
 
+    def calibrate(self) -> bool:
+        """Calibrate the accelerometers, the boat being level and at rest; not while it is armed."""
+        if self.armed:
+            return False
+        for name, value in read_parm(SIMULATION).items():
+            if name.startswith("INS_"):
+                self.parameters.set(name, value)
+        return True
+
     def set_servo(self, number: float, pwm_us: float) -> bool:
         """DO_SET_SERVO: refused on a propeller's output; elsewhere it works even disarmed."""
         if not 1 <= number <= SERVOS or self._wiring().functions[int(number) - 1] != 0:
@@ -123,6 +157,8 @@ class Rover:
     def step(self, now_s: float) -> None:
         """Let time pass: channels age, the failsafe watches, the outputs follow."""
         self._now_s = now_s
+        if self.mode is Mode.INITIALISING and now_s >= self._initialised_s:
+            self.mode, self._mode_s = Mode.MANUAL, now_s
         self.radio.receiver = self.parameters["SIM_RC_FAIL"] == 0
         self.radio.update(now_s, self.parameters["RC_OVERRIDE_TIME"])
         self._watch_radio(now_s)
@@ -138,7 +174,7 @@ class Rover:
         elif (
             silent_s > LOST_AFTER_S + self.parameters["FS_TIMEOUT"]
             and not self.failsafe
-            and self.mode is not Mode.HOLD
+            and self.mode not in (Mode.HOLD, Mode.INITIALISING)
         ):
             self.failsafe = True
             self.texts.append("Radio Failsafe")
@@ -162,7 +198,19 @@ class Rover:
             and self.radio.silent_s(self._now_s, self.boot_s) > NEUTRAL_AFTER_S
         )
         driven = self.armed and self.mode is Mode.MANUAL and not lost
-        self.propellers = self._wiring().outputs(self.radio.values if driven else None)
+        if self.armed and self.mode is Mode.ACRO and not lost:
+            self.propellers = self._wiring().both(self._speed_hold())
+        else:
+            self.propellers = self._wiring().outputs(self.radio.values if driven else None)
+
+    def _speed_hold(self) -> float:
+        """Give what ACRO makes of sticks at rest: no speed is wanted, so it brakes, astern.
+
+        Nobody moves the sticks in ACRO here: what they would do is not simulated.
+        """
+        if self._now_s - self._mode_s < BRAKES_AFTER_S:
+            return 0.0
+        return -ASTERN_PER_MPS * self.surge_mps
 
     def _wiring(self) -> Mixer:
         if self._mixed_at != self.parameters.changes:
@@ -171,6 +219,10 @@ class Rover:
         return self._mixer
 
     def _arming_refusal(self, now_s: float) -> str | None:
+        if self.mode is Mode.INITIALISING:
+            return "Mode not armable"
+        if any(self.parameters[name] == 0.0 for name in CALIBRATED):
+            return "3D Accel calibration needed"
         if now_s - self.boot_s < self._arming_delay_s:
             return "AHRS: not healthy"
         if self.radio.silent_s(now_s, self.boot_s) > LOST_AFTER_S or not self.radio.values[2]:

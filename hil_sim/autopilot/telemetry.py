@@ -25,6 +25,13 @@ _SENSORS = (
 )
 
 
+_STATES = {
+    Mode.HOLD: mavlink.MAV_STATE_STANDBY,
+    Mode.INITIALISING: mavlink.MAV_STATE_CALIBRATING,
+}
+"""What the heartbeat says of a mode; of any other, that it is active (read: Rover/GCS_Mavlink)."""
+
+
 class Origin(Settings, frozen=True):
     """Where the local frame's origin lies on the earth."""
 
@@ -59,7 +66,7 @@ def heartbeat(moment: Moment) -> Message:
         mode |= mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
     if rover.armed:
         mode |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
-    state = mavlink.MAV_STATE_STANDBY if rover.mode is Mode.HOLD else mavlink.MAV_STATE_ACTIVE
+    state = _STATES.get(rover.mode, mavlink.MAV_STATE_ACTIVE)
     return mavlink.MAVLink_heartbeat_message(
         mavlink.MAV_TYPE_SURFACE_BOAT if rover.is_boat else mavlink.MAV_TYPE_GROUND_ROVER,
         mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,

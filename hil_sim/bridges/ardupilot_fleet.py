@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from msgspec import field
 
-from twinscrew.hil_sim.bridges.ardupilot_process import HOST, Instance, Process
+from twinscrew.hil_sim.bridges.ardupilot_process import HOST, Instance, Process, close_all
 from twinscrew.hil_sim.bridges.backend import JsonBackend
 from twinscrew.hil_sim.bridges.datagrams import DatagramPort
 from twinscrew.hil_sim.bridges.inertial import moment
@@ -35,6 +35,9 @@ class ArduPilotSettings(Settings, frozen=True):
     """ArduRover's simulator (`ardurover`); empty: somebody else starts one a vessel."""
     ground: str = ""
     """HOST:PORT where a ground station listens (UDP); empty: it may call them (TCP 5762 + 10 N)."""
+    memory: str = ""
+    """A folder in which each keeps its memory, parameters that were written among it, from run to
+    run; empty: each run begins with wiped ones."""
     first_instance: int = 0
     """[-] Instance number of the first vessel's; the others count on."""
     patience_s: NonNegative = 300.0
@@ -79,9 +82,11 @@ class ArduPilotFleet:
         self._settings = settings
         self._world = world
         self._paddles = [convert(paddles(vessel), PaddleSettings) for vessel in world.vessels]
+        kept, names = settings.memory, world.scenario.names
+        memories = [Path(kept) / name if kept else None for name in names]
         self._instances = [
-            Instance(settings.first_instance + i, i + 1, folder, settings.ground)
-            for i, folder in enumerate(folders)
+            Instance(settings.first_instance + i, i + 1, folder, settings.ground, memory)
+            for i, (folder, memory) in enumerate(zip(folders, memories, strict=True))
         ]
         self._backends = [JsonBackend(moment(world.state, i, 0.0)) for i in self._vessels]
         self._asked_s = [time.monotonic()] * len(self._backends)
@@ -130,8 +135,7 @@ class ArduPilotFleet:
 
     def close(self) -> None:
         """See `Fleet`."""
-        for process in self._processes:
-            process.close()
+        close_all(self._processes)
         for port in self._ports:
             port.close()
 

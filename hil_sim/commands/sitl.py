@@ -88,6 +88,13 @@ def sitl(
     ardupilot_instance: Annotated[
         int, typer.Option(help="Instance number of the first vessel's ArduPilot.", min=0, max=200)
     ] = 0,
+    ardupilot_memory: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder in which the ArduPilots keep what was written, from run to run.",
+            file_okay=False,
+        ),
+    ] = None,
     odometry: Annotated[
         OdometrySource, typer.Option(help="Where the runtimes take odometry from.")
     ] = OdometrySource.BUS,
@@ -115,6 +122,8 @@ def sitl(
         raise ConfigError("only with --view, and in real time", key="--orders")
     if ardupilot_binary is not None and autopilot is not AutopilotKind.ARDUPILOT:
         raise ConfigError("only with --autopilot ardupilot", key="--ardupilot-binary")
+    if ardupilot_memory is not None and autopilot is not AutopilotKind.ARDUPILOT:
+        raise ConfigError("only with --autopilot ardupilot", key="--ardupilot-memory")
     settings = SitlSettings(
         policy=policy,
         trial=trial,
@@ -125,7 +134,9 @@ def sitl(
         processes=processes,
         autopilot=autopilot,
         ardupilot=ArduPilotSettings(
-            binary=str(ardupilot_binary or ""), first_instance=ardupilot_instance
+            binary=str(ardupilot_binary or ""),
+            memory=str(ardupilot_memory or ""),
+            first_instance=ardupilot_instance,
         ),
         odometry=odometry,
         write_params=write_params,

@@ -101,6 +101,11 @@ class SteppedCrew:
         """See `Crew`."""
         return self._runtimes[vessel].trial_outcome
 
+    def why_not_ready(self, vessel: int) -> str:
+        """See `Crew`."""
+        rover = self._autopilots[vessel].rover
+        return rover.refusal or f"{rover.mode.name}, {'armed' if rover.armed else 'disarmed'}"
+
     def thrust_N(self) -> Float64:
         """See `Crew`."""
         return np.array([autopilot.thrust_command_N() for autopilot in self._autopilots])

@@ -12,7 +12,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from typing import Any
 import msgspec
 import tomli_w
 
-from twinscrew.hil_sim.children import end
+from twinscrew.hil_sim.children import end_all
 from twinscrew.hil_sim.last_words import ended
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.vessel.config import RuntimeConfig
@@ -79,7 +79,7 @@ def free_port() -> int:
 START_LIMIT_S = 20.0
 """[s] How long a runtime may take to listen."""
 STOP_LIMIT_S = 5.0
-"""[s] How long it may take to stop."""
+"""[s] How long runtimes may take to stop."""
 CONFIG_FILE = "runtime.toml"
 LOG_FILE = "log.txt"
 """In the vessel's folder: what its runtime is told, and what it says."""
@@ -111,51 +111,41 @@ class RuntimeProcess:
             (folder / CONFIG_FILE).write_bytes(text.encode())
         except UnicodeEncodeError as error:
             raise ConfigError("must have a name in UTF-8", file=folder) from error
-        self._process = self._started()
+        self.process = self._started()
         self.down = False
         """Whether it was killed, and not started again."""
 
     @property
     def pid(self) -> int:
         """Its process id."""
-        return self._process.pid
+        return self.process.pid
 
     def check(self) -> None:
         """Raise a `LinkError` with the end of the log if it has ended by itself."""
-        if not self.down and self._process.poll() is not None:
+        if not self.down and self.process.poll() is not None:
             log = (self._folder / LOG_FILE).read_bytes()
-            raise ended(f"the runtime of {self._name}", self._process, log)
+            raise ended(f"the runtime of {self._name}", self.process, log)
 
     def kill(self) -> None:
         """Kill it as hard as can be; that is no error until it is started again."""
         self.down = True
-        self._process.kill()
-        self._process.wait()
-        self._let_go()
+        self.process.kill()
+        self.process.wait()
+        self.let_go()
 
     def start_again(self) -> None:
         """Start it after it was killed."""
-        self._process = self._started()
+        self.process = self._started()
         self.down = False
 
     def signal(self, number: signal.Signals) -> None:
         """Send it a signal."""
-        self._process.send_signal(number)
+        self.process.send_signal(number)
 
-    def ask_to_stop(self) -> None:
-        """Ask it to stop, also if it was held still."""
-        self._process.send_signal(signal.SIGCONT)
-        self._process.terminate()
-
-    def see_off(self) -> None:
-        """Wait until it has ended, and see to that."""
-        end(self._process, STOP_LIMIT_S)
-        self._let_go()
-
-    def _let_go(self) -> None:
+    def let_go(self) -> None:
         """Close our end of its input."""
-        if self._process.stdin is not None:
-            self._process.stdin.close()
+        if self.process.stdin is not None:
+            self.process.stdin.close()
 
     def _started(self) -> subprocess.Popen[bytes]:
         file = str(self._folder / CONFIG_FILE)
@@ -163,6 +153,15 @@ class RuntimeProcess:
         command += ["--tethered"]  # it ends with this process, whose end of its input then closes
         with (self._folder / LOG_FILE).open("ab") as log, ordinary():
             return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=log, stderr=log)
+
+
+def see_off(runtimes: Sequence[RuntimeProcess]) -> None:
+    """Ask several to stop, also those that were held still, and see to it that they have."""
+    for runtime in runtimes:
+        runtime.signal(signal.SIGCONT)
+    end_all([runtime.process for runtime in runtimes], STOP_LIMIT_S)
+    for runtime in runtimes:
+        runtime.let_go()
 
 
 def _without_none(values: dict[str, Any]) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import signal
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -17,15 +18,26 @@ from msgspec.structs import replace
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.udp import AutopilotOnTheNet
 from twinscrew.hil_sim.children import undisturbed
-from twinscrew.hil_sim.drivers.processes import LOOPBACK, START_LIMIT_S, RuntimeProcess, free_port
+from twinscrew.hil_sim.drivers.processes import (
+    LOOPBACK,
+    START_LIMIT_S,
+    RuntimeProcess,
+    free_port,
+    see_off,
+)
 from twinscrew.runtime.bus.base import Received, Receiver
 from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.errors import LinkError, MessageError
 from twinscrew.runtime.link.ardupilot.thrust import PaddleSettings
 from twinscrew.runtime.link.transport import UdpTransport, open_transport
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.types import Float64, Odometry
-from twinscrew.runtime.safety.events import OF_THE_AUTOPILOT
+from twinscrew.runtime.messages.types import Float64, HealthEvent, Odometry, Severity
+from twinscrew.runtime.safety.events import (
+    AUTOPILOT_NOW,
+    AUTOPILOT_RECOVERED,
+    INPUT_RECOVERED,
+    OF_THE_AUTOPILOT,
+)
 from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
 from twinscrew.runtime.vessel.trial import TRIAL_ENDS
 
@@ -143,6 +155,44 @@ def simulated_fleet(
     return SimulatedFleet(pilots, [transport.port for transport in transports])
 
 
+class Troubles:
+    """What ails a vessel now, from the health events that its runtime publishes."""
+
+    OVER = frozenset({AUTOPILOT_RECOVERED.name, INPUT_RECOVERED.name})
+    """Events whose detail names what is over: a condition, or an input that was stale."""
+    REMEMBERED = 500
+    """[-] The last so many words are told once."""
+
+    def __init__(self) -> None:
+        self._autopilot = ""
+        self._held: dict[str, str] = {}
+        self._told: deque[tuple[str, str]] = deque(maxlen=self.REMEMBERED)
+
+    def note(self, event: HealthEvent) -> bool:
+        """Take an event; False if the same was said before, with the same words."""
+        if event.name == AUTOPILOT_NOW.name:
+            self._autopilot = event.detail
+        elif event.name in self.OVER:
+            self._held = {
+                name: words
+                for name, words in self._held.items()
+                if name != event.detail and not words.startswith(f"{event.detail}: ")
+            }
+        elif event.severity is not Severity.INFO:
+            self._held[event.name] = event.detail
+        said = (event.name, event.detail)
+        is_new = said not in self._told
+        if is_new:
+            self._told.append(said)
+        return is_new
+
+    @property
+    def words(self) -> str:
+        """The autopilot's state, and each trouble that is not over."""
+        troubles = [f"{name}: {words}" if words else name for name, words in self._held.items()]
+        return "; ".join(part for part in (self._autopilot, *troubles) if part)
+
+
 # -- Real time: a process for each vessel's runtime, joined by Zenoh and by MAVLink.
 
 SETTLE_S = 0.5
@@ -190,6 +240,7 @@ class RealtimeCrew:
         self._runtimes: list[RuntimeProcess] = []
         self._engaged = [False] * len(configs)
         self._trials = [""] * len(configs)
+        self._troubles = [Troubles() for _ in configs]
         self._ready_since: dict[int, float] = {}
         self._now_s = 0.0
         self._begin_s: float | None = None
@@ -248,6 +299,10 @@ class RealtimeCrew:
         """See `Crew`; a boat that was stopped early may still brake."""
         return self._trials[vessel]
 
+    def why_not_ready(self, vessel: int) -> str:
+        """See `Crew`."""
+        return self._troubles[vessel].words
+
     def thrust_N(self) -> Float64:
         """See `Crew`."""
         return self._fleet.thrust_N()
@@ -299,18 +354,14 @@ class RealtimeCrew:
 
     def close(self) -> None:
         """Stop every process, and wait for it."""
-        for runtime in self._runtimes:
-            runtime.ask_to_stop()
-        for runtime in self._runtimes:
-            runtime.see_off()
+        see_off(self._runtimes)
         self._fleet.close()
         for bus in self._buses[:1]:  # they share one session
             bus.close()
 
     def _listen_to(self, vessel: int) -> None:
         self._buses[vessel].subscribe("engagement", lambda message: self._note(vessel, message))
-        if self._tell is not None or self._configs[vessel].trial.name:
-            self._buses[vessel].subscribe("diagnostics", lambda told: self._pass_on(vessel, told))
+        self._buses[vessel].subscribe("diagnostics", lambda told: self._pass_on(vessel, told))
 
     def _complete(self, vessel: int, port: int) -> RuntimeConfig:
         """Give a runtime's configuration with its connections to autopilot and simulator."""
@@ -340,7 +391,8 @@ class RealtimeCrew:
             for event in cdr.decode_diagnostics(message.payload):
                 if event.name in TRIAL_ENDS:
                     self._trials[vessel] = event.name
-                if self._tell is not None and event.name in OF_THE_AUTOPILOT:
+                is_new = self._troubles[vessel].note(event)
+                if self._tell is not None and is_new and event.name in OF_THE_AUTOPILOT:
                     self._tell(f"{self._configs[vessel].name}: {event.name}: {event.detail}")
 
     def _note(self, vessel: int, message: Received) -> None:

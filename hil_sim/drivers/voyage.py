@@ -7,8 +7,9 @@ messages to the vessels' runtimes, and thrust back) and the pace.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -48,6 +49,9 @@ class Crew(Protocol):
     def trial_outcome(self, vessel: int) -> str:
         """Give the event that ended a vessel's trial; empty while it goes on, or there is none."""
 
+    def why_not_ready(self, vessel: int) -> str:
+        """Say what keeps a vessel from sailing, as far as it is known; empty if it is not."""
+
     def thrust_N(self) -> Float64:
         """Give what the autopilots ask of the propellers, (V, 2) [N]."""
 
@@ -69,6 +73,8 @@ class VoyageResult:
     log: TrajectoryLog
     duration_s: float
     """[s] Simulated, dock and voyage."""
+    ended_s: float = field(default_factory=time.monotonic)
+    """[s] When it was over, by the monotonic clock: what is stopped afterwards takes time, too."""
 
     @property
     def success(self) -> bool:
@@ -122,7 +128,7 @@ class Voyage:
         Raises
         ------
         LinkError
-            A vessel's autopilot was not armed in time, or its runtime died.
+            A vessel was not ready to sail in time, or its runtime died.
         """
         self._wait_at_the_dock()
         supervisor = self._cast_off()
@@ -181,12 +187,12 @@ class Voyage:
             self._world.moor(i, self._world.scenario.starts[i, :2])
         while not all(self._crew.is_ready(i) for i in self._vessels):
             if self._world.time_s > self._dock_limit_s:
-                late = [
-                    name
+                late = "; ".join(
+                    f"{name} ({why})" if (why := self._crew.why_not_ready(i)) else name
                     for i, name in enumerate(self._world.scenario.names)
                     if not self._crew.is_ready(i)
-                ]
-                raise LinkError(f"not armed after {self._dock_limit_s:g} s: {', '.join(late)}")
+                )
+                raise LinkError(f"not ready to sail after {self._dock_limit_s:g} s: {late}")
             self._tick()
 
     def _cast_off(self) -> Supervisor:

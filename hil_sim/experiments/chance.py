@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from twinscrew.runtime.messages.types import Float64, Observation
+from twinscrew.runtime.policy.observation import PAPER
 from twinscrew.runtime.policy.vessel_model import LEVELS
 
 NAME = "random"
@@ -16,6 +17,7 @@ class RandomPolicy:
 
     name = NAME
     period_s = 0.5
+    shown = PAPER
 
     def __init__(self, seed: tuple[int, ...]) -> None:
         self._rng = np.random.default_rng(seed)

@@ -12,9 +12,9 @@ from numpy.random import Generator
 from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.hil_sim.vessel.state import VesselState
 from twinscrew.hil_sim.world import World
+from twinscrew.runtime.datum import LocalFrame, Place
 from twinscrew.runtime.estimation.inertial import GRAVITY_N
 from twinscrew.runtime.estimation.sensors import SensorSettings
-from twinscrew.runtime.estimation.wgs84 import LocalFrame, Place
 from twinscrew.runtime.geometry import (
     flu_to_frd,
     quaternion_from_euler,

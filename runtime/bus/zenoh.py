@@ -26,9 +26,8 @@ from twinscrew.runtime.bus.base import (
     source_time_ns,
 )
 from twinscrew.runtime.errors import BusError, ConfigError
-from twinscrew.runtime.files import read_file
+from twinscrew.runtime.files import read_file, require_private
 from twinscrew.runtime.messages.topics import KeyFormat, Topic, Traffic, key, ros_name, type_hash
-from twinscrew.runtime.permissions import require_private
 from twinscrew.runtime.settings import Positive, Settings
 
 # -- Zenoh's configuration, made from settings; nothing beyond this machine unless asked for.

@@ -116,9 +116,9 @@ def check_sensor(config: RuntimeConfig) -> Finding:
 
 def check_autopilot_port(config: RuntimeConfig) -> Finding:
     """Open the connection to the autopilot, and close it."""
-    from twinscrew.runtime.link.transport import open_transport
+    from twinscrew.runtime.link.autopilot import make_autopilot
 
-    open_transport(config.autopilot.connection).close()
+    make_autopilot(config.autopilot).open(lambda: True).close()
     return ok("autopilot port", config.autopilot.connection)
 
 

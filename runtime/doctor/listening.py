@@ -21,7 +21,8 @@ from twinscrew.runtime.geometry import euler_from_quaternion, rotation_from_quat
 from twinscrew.runtime.link.ardupilot.authority import AskManual
 from twinscrew.runtime.link.ardupilot.link import AutopilotLink
 from twinscrew.runtime.link.ardupilot.parameters import ParameterState
-from twinscrew.runtime.link.transport import open_transport
+from twinscrew.runtime.link.autopilot import Autopilot, make_autopilot
+from twinscrew.runtime.mavlink import Refusal
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.navigation import read_stamp
 from twinscrew.runtime.messages.topics import TOPICS
@@ -54,7 +55,7 @@ def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False)
     bus = ZenohBus(config.bus, config.name)
     heard: dict[str, list[Heard]] = defaultdict(list)  # see `keep`
     own = config.odometry_source == "autopilot"
-    link = AutopilotLink(
+    link = make_autopilot(
         replace(
             autopilot_of(config),
             arm=False,
@@ -62,7 +63,7 @@ def listen(config: RuntimeConfig, seconds: float, *, write_params: bool = False)
             write_parameters=write_params,
         )
     )
-    transport = open_transport(config.autopilot.connection, link.recognises)
+    transport = link.open(lambda: True)
     estimate = Estimator(config.estimation) if config.odometry_source == "gps_imu" else None
     topics = tuple(topic for topic in inputs_of(config) if TOPICS[topic].rate_hz > 0)
     try:
@@ -347,12 +348,34 @@ WRITE = "twinscrew doctor --listen 10 --write-params, or load config/autopilot/a
 RESTART = "restart the autopilot: some parameters act from then on only"
 
 
-def judge_autopilot(link: AutopilotLink) -> list[Finding]:
-    """Say what was heard of the autopilot, and of each parameter that the link depends on."""
+KEYS = {
+    Refusal.UNSIGNED: "give the autopilot our key: twinscrew signing setup; or leave out ours",
+    Refusal.OTHER_KEY: "autopilot.signing_key_file is not the autopilot's key: twinscrew signing",
+    Refusal.OLD: "set this machine's clock; the autopilot has its time from GPS",
+}
+
+
+def judge_autopilot(link: Autopilot) -> list[Finding]:
+    """Say what was heard of the autopilot; of an ArduPilot, of each parameter that matters, too."""
+    if isinstance(link, AutopilotLink):
+        return _judge_ardupilot(link)
+    if not link.status.connected:
+        return [fail("autopilot", "nothing is heard", "check the connection string and the cable")]
+    return [ok("autopilot", link.status.words)]
+
+
+def _judge_ardupilot(link: AutopilotLink) -> list[Finding]:
     status = link.status
+    if not status.connected and status.refusal is not None:
+        return [fail("autopilot", f"its frames are {status.refusal.value}", KEYS[status.refusal])]
+    if not status.connected and status.old_frames:
+        return [fail("autopilot", "it speaks MAVLink 1", "set SERIALn_PROTOCOL to 2")]
     if not status.connected:
         advice = "check the connection string, the cable, and SERIALn_PROTOCOL 2"
         return [fail("autopilot", "nothing is heard", advice)]
+    if status.hears_signed and not link.signs:
+        found = "it signs what it sends, and refuses what we send unsigned"
+        return [fail("autopilot", found, "give its key: autopilot.signing_key_file")]
     found = f"mode {status.mode}, {'armed' if status.armed else 'disarmed'}"
     parameters = [judge_parameter(state) for state in link.parameters]
     if not status.is_boat:

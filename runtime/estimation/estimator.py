@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from twinscrew.runtime.datum import Datum
+from twinscrew.runtime.datum import Datum, LocalFrame, Place
 from twinscrew.runtime.estimation.inertial import (
     ATTITUDE,
     GYRO_BIAS,
@@ -25,7 +25,6 @@ from twinscrew.runtime.estimation.inertial import (
     rotation,
 )
 from twinscrew.runtime.estimation.sensors import ImuSample, SensorPlacement, SensorSettings
-from twinscrew.runtime.estimation.wgs84 import LocalFrame, Place
 from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.lean_imports import extended_kalman_filter
 from twinscrew.runtime.messages.types import (

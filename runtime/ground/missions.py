@@ -13,13 +13,13 @@ from twinscrew.runtime.ground.orders import (
     LOCAL,
     METRES_PER_UNIT,
     ON_EARTH,
-    Chart,
     Fault,
+    FollowRoute,
+    GoalFrames,
     GoTo,
-    Halt,
     Order,
     OrderSettings,
-    Sail,
+    Pause,
     Waypoint,
 )
 from twinscrew.runtime.mavlink import Message
@@ -49,13 +49,13 @@ class Item:
     z: float
     """[m] As it came; it means nothing to a boat."""
 
-    def place(self, chart: Chart) -> Float64 | Fault:
+    def place(self, frames: GoalFrames) -> Float64 | Fault:
         """Give where it is, (2,) [m] [N], or why it cannot be sailed."""
         if self.command != WAYPOINT:
             return Fault.COMMAND
         if self.params[0] > 0.0:
             return Fault.HOLD
-        return chart.place_of_integers(self.frame, self.x, self.y)
+        return frames.place_of_integers(self.frame, self.x, self.y)
 
     def message(self, station: tuple[int, int], seq: int, *, current: bool) -> Message:
         """Give the message that tells it to a station."""
@@ -109,7 +109,7 @@ UNKNOWN_TOTAL = 65_535
 class StoredMission:
     """Keeps a mission that can be sailed, or none."""
 
-    def __init__(self, settings: OrderSettings, chart: Chart) -> None:
+    def __init__(self, settings: OrderSettings, frames: GoalFrames) -> None:
         self.items: tuple[Item, ...] = ()
         self.way: tuple[Waypoint, ...] = ()
         """What of the items is sailed: all, or all but home."""
@@ -118,7 +118,7 @@ class StoredMission:
         self.state = int(mavlink.MISSION_STATE_NO_MISSION)
         """MISSION_STATE."""
         self._settings = settings
-        self._chart = chart
+        self._frames = frames
 
     def fault(self, seq: int, item: Item) -> Fault | None:
         """Tell what is wrong with an item as it comes, if anything.
@@ -127,7 +127,7 @@ class StoredMission:
         """
         if seq == 0 and self._settings.home != "none":
             return None
-        place = item.place(self._chart)
+        place = item.place(self._frames)
         return place if isinstance(place, Fault) else None
 
     def keep(self, items: tuple[Item, ...]) -> Fault | None:
@@ -138,7 +138,7 @@ class StoredMission:
         first = 1 if items and self._is_home(items) else 0
         way = []
         for seq, item in enumerate(items[first:], first):
-            place = item.place(self._chart)
+            place = item.place(self._frames)
             if isinstance(place, Fault):
                 return place
             way.append(Waypoint(seq, *place.tolist()))
@@ -272,22 +272,22 @@ class MissionServer:
 
     Parameters
     ----------
-    settings, chart
+    settings, frames
         How long a mission may be, when it starts, and where its places lie.
     permits
         Tells whether a system may change the mission; anybody may read it.
     """
 
     def __init__(
-        self, settings: OrderSettings, chart: Chart, permits: Callable[[int], bool]
+        self, settings: OrderSettings, frames: GoalFrames, permits: Callable[[int], bool]
     ) -> None:
-        self.mission = StoredMission(settings, chart)
+        self.mission = StoredMission(settings, frames)
         self.replies: list[Message] = []
         self.orders: list[Order] = []
         self.complaints: list[str] = []
         """What was refused and why, in plain words."""
         self._settings = settings
-        self._chart = chart
+        self._frames = frames
         self._permits = permits
         self._upload: Upload | None = None
         self._accepted: tuple[Station, int] | None = None
@@ -327,7 +327,7 @@ class MissionServer:
         if not way:
             return False
         self.mission.current = way[0].seq
-        self.orders.append(Sail(station, way))
+        self.orders.append(FollowRoute(station, way))
         return True
 
     def _on_count(self, message: Message, station: Station, now_s: float) -> None:
@@ -367,7 +367,7 @@ class MissionServer:
 
     def _go(self, station: Station, item: Item) -> None:
         """Take an item that is a goal by itself: how stations steered ArduPilot before commands."""
-        place = item.place(self._chart)
+        place = item.place(self._frames)
         if isinstance(place, Fault):
             self._acknowledge(station, place.result)
             self.complaints.append(f"goal refused: {place.words}")
@@ -384,7 +384,7 @@ class MissionServer:
         self._accepted = (upload.station, upload.count)
         self._end(upload, mavlink.MAV_MISSION_ACCEPTED)
         if not self.mission.way:
-            self.orders.append(Halt(upload.station[0]))
+            self.orders.append(Pause(upload.station[0]))
         elif self._settings.start == "upload":
             self.start(upload.station[0], 0)
 
@@ -426,7 +426,7 @@ class MissionServer:
     def _clear(self, station: Station) -> None:
         self._upload = self._accepted = None
         self.mission.keep(())
-        self.orders.append(Halt(station[0]))
+        self.orders.append(Pause(station[0]))
 
     def _may_change(self, message: Message, station: Station) -> bool:
         """Whether the station may change the mission; it is answered if not."""

@@ -60,7 +60,7 @@ class Fault(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Chart:
+class GoalFrames:
     """What turns a station's places into goals."""
 
     datum: Datum | None
@@ -157,7 +157,7 @@ class Waypoint:
 
 
 @dataclass(frozen=True, slots=True)
-class Sail:
+class FollowRoute:
     """Sail these, one after another."""
 
     station: int
@@ -165,10 +165,10 @@ class Sail:
 
 
 @dataclass(frozen=True, slots=True)
-class Halt:
+class Pause:
     """Sail the mission no further; a goal from elsewhere is not meant."""
 
     station: int
 
 
-Order: TypeAlias = GoTo | Sail | Halt
+Order: TypeAlias = GoTo | FollowRoute | Pause

@@ -14,7 +14,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.geometry import rotation_2d
-from twinscrew.runtime.ground.orders import GoTo, Halt, Order, Relative, Sail, Waypoint
+from twinscrew.runtime.ground.orders import FollowRoute, GoTo, Order, Pause, Relative, Waypoint
 from twinscrew.runtime.ground.report import GroundReport
 from twinscrew.runtime.ground.stations import Stations
 from twinscrew.runtime.mavlink import Message
@@ -61,7 +61,7 @@ class StationGoals:
         self._stations = stations
         self._goals = goals
         self._odometry = odometry
-        self._sailing: Sail | None = None
+        self._sailing: FollowRoute | None = None
         self._order = -1
         self._reached = 0
         self._news: list[Message] = []
@@ -102,12 +102,12 @@ class StationGoals:
     def _one(self, order: Order, feed: Feed, stamp_ns: int) -> None:
         if isinstance(order, GoTo):
             self._go_to(order, feed, stamp_ns)
-        elif isinstance(order, Sail):
+        elif isinstance(order, FollowRoute):
             places = [(waypoint.north_m, waypoint.east_m) for waypoint in order.way]
             self._give("route", cdr.encode_path(np.array(places), stamp_ns=stamp_ns), feed)
             self._sailing, self._reached, self._going = order, 0, None
             self._stations.server.mission.state = int(mavlink.MISSION_STATE_ACTIVE)
-        elif isinstance(order, Halt) and self._sailing is not None and self._is_ours:
+        elif isinstance(order, Pause) and self._sailing is not None and self._is_ours:
             self._give("route", cdr.encode_path(np.empty((0, 2)), stamp_ns=stamp_ns), feed)
             self._going = None
             self._interrupt()

@@ -15,12 +15,12 @@ from twinscrew.runtime.ground.orders import (
     LOCAL,
     METRES_PER_UNIT,
     ON_EARTH,
-    Chart,
     Fault,
+    GoalFrames,
     GoTo,
-    Halt,
     Order,
     OrderSettings,
+    Pause,
     Relative,
 )
 from twinscrew.runtime.mavlink import Message
@@ -50,7 +50,7 @@ Refusal: TypeAlias = str
 """Plain words."""
 
 
-def position_target(message: Message, chart: Chart) -> GoTo | Refusal:
+def position_target(message: Message, frames: GoalFrames) -> GoTo | Refusal:
     """Read SET_POSITION_TARGET_LOCAL_NED or _GLOBAL_INT: its position is a goal, all else is not.
 
     Velocities and accelerations are the policy's to choose: a message that has no position is
@@ -63,19 +63,19 @@ def position_target(message: Message, chart: Chart) -> GoTo | Refusal:
         if message.coordinate_frame not in ON_EARTH:
             return f"goal refused: {Fault.FRAME.words}"
         x, y = message.lat_int * DEGREES_PER_UNIT, message.lon_int * DEGREES_PER_UNIT
-        return _go(station, chart, message.coordinate_frame, x, y)
+        return _go(station, frames, message.coordinate_frame, x, y)
     relative = RELATIVE.get(message.coordinate_frame)
     if relative is None:
         return f"goal refused: {Fault.FRAME.words}"
     if relative is Relative.ORIGIN:
-        return _go(station, chart, LOCAL, message.x, message.y)
+        return _go(station, frames, LOCAL, message.x, message.y)
     if not math.hypot(message.x, message.y) <= GREATEST_RELATIVE_M:
         return f"goal refused: {Fault.FAR.words}"
     return GoTo(station, message.x, message.y, relative)
 
 
-def _go(station: int, chart: Chart, frame: int, x: float, y: float) -> GoTo | Refusal:
-    place = chart.place(frame, x, y)
+def _go(station: int, frames: GoalFrames, frame: int, x: float, y: float) -> GoTo | Refusal:
+    place = frames.place(frame, x, y)
     if isinstance(place, Fault):
         return f"goal refused: {place.words}"
     north, east = place.tolist()
@@ -85,9 +85,9 @@ def _go(station: int, chart: Chart, frame: int, x: float, y: float) -> GoTo | Re
 class StationCommands:
     """Carries out COMMAND_LONG and COMMAND_INT; orders and complaints go where missions' do."""
 
-    def __init__(self, server: MissionServer, chart: Chart) -> None:
+    def __init__(self, server: MissionServer, frames: GoalFrames) -> None:
         self._server = server
-        self._chart = chart
+        self._frames = frames
         self._handlers: dict[int, Callable[[Message], int]] = {
             mavlink.MAV_CMD_DO_REPOSITION: self._reposition,
             mavlink.MAV_CMD_MISSION_START: self._start,
@@ -113,7 +113,7 @@ class StationCommands:
             x, y = message.x * unit, message.y * unit
         else:
             frame, x, y = int(mavlink.MAV_FRAME_GLOBAL), message.param5, message.param6
-        order = _go(message.get_srcSystem(), self._chart, frame, x, y)
+        order = _go(message.get_srcSystem(), self._frames, frame, x, y)
         if isinstance(order, str):
             self._server.complaints.append(order)
             return DENIED
@@ -130,7 +130,7 @@ class StationCommands:
     def _pause(self, message: Message) -> int:
         station = message.get_srcSystem()
         if message.param1 == 0.0:
-            self._server.orders.append(Halt(station))
+            self._server.orders.append(Pause(station))
             return ACCEPTED
         if message.param1 != 1.0:
             return DENIED
@@ -168,9 +168,9 @@ class Stations:
     def __init__(self, settings: OrderSettings, datum: Datum | None, us: Station) -> None:
         self._settings = settings
         self._us = us
-        self._chart = Chart(datum, settings.reach_m)
-        self.server = MissionServer(settings, self._chart, self._permits)
-        self._commands = StationCommands(self.server, self._chart)
+        self._frames = GoalFrames(datum, settings.reach_m)
+        self.server = MissionServer(settings, self._frames, self._permits)
+        self._commands = StationCommands(self.server, self._frames)
         self._complained_s: dict[int, float] = {}
         self._told_s = -math.inf
         self._now_s = -math.inf
@@ -235,7 +235,7 @@ class Stations:
     def _on_target(self, message: Message) -> None:
         if not self._permits(message.get_srcSystem()):
             return
-        order = position_target(message, self._chart)
+        order = position_target(message, self._frames)
         if isinstance(order, str):
             self.server.complaints.append(order)
         else:

@@ -19,7 +19,7 @@ from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.permissions import require_private, require_unwritable
+from twinscrew.runtime.files import require_private, require_unwritable
 
 SUFFIX: Final = ".minisig"
 """A file's signature lies beside it under its name and this."""

@@ -78,6 +78,24 @@ class Transport(ABC):
         self.close()
 
 
+class NoTransport(Transport):
+    """No connection: of an autopilot that is commanded by topics, or of nobody."""
+
+    def fileno(self) -> int:
+        """Give no descriptor."""
+        return -1
+
+    def receive(self) -> bytes:
+        """Give nothing."""
+        return b""
+
+    def send(self, data: bytes) -> None:
+        """Send nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
 # -- A serial line, by the standard library alone: raw, eight bits, no flow control.
 
 _READ = 4096

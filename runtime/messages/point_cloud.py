@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import lru_cache
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from twinscrew.runtime import _native
 from twinscrew.runtime.errors import MessageError, one_of
 from twinscrew.runtime.messages.navigation import LIDAR_FRAME, read_header, write_header
 from twinscrew.runtime.messages.types import Float32, PointCloud
-from twinscrew.runtime.messages.wire import HEADER_SIZE, Reader, Writer
+from twinscrew.runtime.messages.wire import HEADER_SIZE, LONGEST_NAME, Reader, Writer
 
 # -- `sensor_msgs/PointCloud2`: a LiDAR scan.
 
@@ -77,7 +77,9 @@ def decode_point_cloud(payload: bytes | memoryview) -> PointCloud:
     count = reader.count(_SMALLEST_FIELD)
     if count > MOST_FIELDS:
         raise reader.fail(f"{count} fields are too many: at most {MOST_FIELDS} are allowed")
-    fields = tuple(_read_field(reader) for _ in range(count))
+    fields = tuple(
+        [PointField(reader.string(LONGEST_NAME), *reader.values("IB3xI", 4)) for _ in range(count)]
+    )
     is_bigendian = reader.flag()
     point_step, row_step = reader.values("2I", 4)
     data = np.frombuffer(reader.octets(), np.uint8)
@@ -129,12 +131,6 @@ def _record(fields: tuple[PointField, ...]) -> np.dtype[np.void]:
     )
 
 
-def _read_field(reader: Reader) -> PointField:
-    name = reader.name()
-    offset, datatype, count = reader.values("IB3xI", 4)
-    return PointField(name, offset, datatype, count)
-
-
 def _write_fields(writer: Writer, fields: tuple[PointField, ...]) -> None:
     writer.aligned(_fields_as_bytes(fields), 4)
 
@@ -168,22 +164,6 @@ _FIELDS_SHOWN, _NAME_SHOWN = 12, 24
 """[-] How many fields an error names, and how many letters of each."""
 
 
-class Field(Protocol):
-    """What is needed of a sensor_msgs/PointField."""
-
-    @property
-    def name(self) -> str:
-        """Name of the value, as "x"."""
-
-    @property
-    def offset(self) -> int:
-        """[bytes] From the start of a point's record."""
-
-    @property
-    def datatype(self) -> int:
-        """A key of `DATATYPES`."""
-
-
 class Points(NamedTuple):
     """The values of N points."""
 
@@ -197,82 +177,74 @@ class Points(NamedTuple):
     """[s] (N,) after the message's stamp."""
 
 
-class _Cloud:
-    """A checked cloud: gives each field as a strided view of the bytes."""
+class _Place(NamedTuple):
+    """Where a field lies in a point, and as what."""
 
-    def __init__(
-        self,
-        data: NDArray[np.uint8],
-        fields: Iterable[Field],
-        shape: tuple[int, int],
-        steps: tuple[int, int],
-        order: str,
-    ) -> None:
-        height, width = shape
-        row_step, point_step = steps
-        if min(height, width, row_step, point_step) < 0:
-            raise MessageError(f"PointCloud2: negative size {shape} or step {steps}")
-        if data.ndim != 1 or data.size != height * row_step:
-            raise MessageError(
-                f"PointCloud2: {data.size} bytes of data, but {height} rows of {row_step} bytes"
-            )
-        if height and width * point_step > row_step:
-            raise MessageError(
-                f"PointCloud2: rows of {row_step} bytes cannot hold {width} points of {point_step}"
-            )
-        self.data, self.shape, self.steps, self.order = (
-            np.ascontiguousarray(data),
-            shape,
-            steps,
-            order,
-        )
-        self.fields = {field.name: field for field in reversed(tuple(fields))}  # the first counts
+    name: str
+    dtype: np.dtype[Any]
+    offset: int
+    """[B]"""
 
-    @property
-    def count(self) -> int:
-        """[-] Number of points."""
-        return self.shape[0] * self.shape[1]
 
-    def first_of(self, names: Iterable[str]) -> str | None:
-        """Give the first of `names` that is a field of this cloud."""
-        return next((name for name in names if name in self.fields), None)
+class _Layout(NamedTuple):
+    """Where what is read of a point lies; checked once for all clouds that are laid out alike."""
 
-    def _names(self) -> str:
-        """Give the fields' names for an error, cut short: they may be many and long."""
-        names = list(reversed(self.fields))[:_FIELDS_SHOWN]
-        named = ", ".join(repr(name[:_NAME_SHOWN]) for name in names)
-        more = len(self.fields) - _FIELDS_SHOWN
-        return f"{named} and {more} more" if more > 0 else named or "none"
+    xyz: tuple[_Place, ...]
+    is_plain: bool
+    """Whether x, y and z are float32 of this machine's byte order: the kernel gathers them."""
+    intensity: _Place | None
+    ring: _Place | None
+    time: _Place | None
 
-    def dtype(self, name: str, kinds: str) -> np.dtype[Any]:
-        """Give the type of a field; refuse it if it is missing or not of the numpy `kinds`."""
-        field = self.fields.get(name)
-        if field is None:
-            raise MessageError(f"PointCloud2: no field {name!r}, only {self._names()}")
+
+@lru_cache(maxsize=8)
+def _layout(fields: tuple[PointField, ...], order: str, point_step: int) -> _Layout:
+    """Find what is read of a point; errors as `read_points`."""
+    known = {field.name: field for field in reversed(fields)}  # the first of a name counts
+
+    def place(names: Iterable[str], kinds: str = "iuf") -> _Place | None:
+        name = next((name for name in names if name in known), None)
+        if name is None:
+            return None
+        field = known[name]
         if field.datatype not in DATATYPES:
             words = one_of(field.datatype, DATATYPES)
             raise MessageError(f"PointCloud2: field {name!r}: datatype {words}")
-        dtype = np.dtype(self.order + DATATYPES[field.datatype])
+        dtype = np.dtype(order + DATATYPES[field.datatype])
         if dtype.kind not in kinds:
             raise MessageError(f"PointCloud2: field {name!r} is of unusable type {dtype.name}")
-        if field.offset < 0 or field.offset + dtype.itemsize > self.steps[1]:
+        if field.offset < 0 or field.offset + dtype.itemsize > point_step:
             raise MessageError(
                 f"PointCloud2: field {name!r} at byte {field.offset} leaves a point's "
-                f"{self.steps[1]} bytes"
+                f"{point_step} bytes"
             )
-        return dtype
+        return _Place(name, dtype, field.offset)
 
-    def view(self, name: str, kinds: str = "iuf") -> NDArray[Any]:
-        """Give a field as a view, (height, width), of its own type."""
-        dtype = self.dtype(name, kinds)
-        if self.count == 0:
-            return np.empty(self.shape, dtype)
-        return np.ndarray(self.shape, dtype, self.data, self.fields[name].offset, self.steps)
+    xyz = []
+    for name in "xyz":
+        found = place((name,), "f")
+        if found is None:
+            raise MessageError(f"PointCloud2: no field {name!r}, only {_named(tuple(known))}")
+        xyz.append(found)
+    return _Layout(
+        xyz=tuple(xyz),
+        is_plain=all(one.dtype == np.float32 for one in xyz),
+        intensity=place(("intensity", "reflectivity")),
+        ring=place(("ring", "channel")),
+        time=place(TIME_FIELDS),
+    )
+
+
+def _named(names: tuple[str, ...]) -> str:
+    """Name fields in an error, cut short: they may be many and long."""
+    shown = ", ".join(repr(name[:_NAME_SHOWN]) for name in names[::-1][:_FIELDS_SHOWN])
+    more = len(names) - _FIELDS_SHOWN
+    return f"{shown} and {more} more" if more > 0 else shown or "none"
 
 
 def read_points(
     data: NDArray[np.uint8],
-    fields: Iterable[Field],
+    fields: Iterable[PointField],
     width: int,
     height: int,
     point_step: int,
@@ -281,7 +253,7 @@ def read_points(
     *,
     stamp_ns: int = 0,
 ) -> Points:
-    """Read the points of a PointCloud2 of any layout.
+    """Read the points of a PointCloud2 of any layout; left and up change their sign.
 
     Parameters
     ----------
@@ -303,53 +275,51 @@ def read_points(
     MessageError
         A field that is missing, of an unusable type or outside the record; sizes that disagree.
     """
-    order = ">" if is_bigendian else "<"
-    cloud = _Cloud(data, fields, (height, width), (row_step, point_step), order)
-    with np.errstate(over="ignore", invalid="ignore"):  # a float64 beyond float32 becomes infinite
-        return Points(
-            _positions(cloud), _intensity(cloud), _ring(cloud), _time_offset_s(cloud, stamp_ns)
+    shape, steps, count = (height, width), (row_step, point_step), height * width
+    if min(*shape, *steps) < 0:
+        raise MessageError(f"PointCloud2: negative size {shape} or step {steps}")
+    if data.ndim != 1 or data.size != height * row_step:
+        raise MessageError(
+            f"PointCloud2: {data.size} bytes of data, but {height} rows of {row_step} bytes"
         )
+    if height and width * point_step > row_step:
+        raise MessageError(
+            f"PointCloud2: rows of {row_step} bytes cannot hold {width} points of {point_step}"
+        )
+    layout = _layout(tuple(fields), ">" if is_bigendian else "<", point_step)
+    data = np.ascontiguousarray(data) if count else np.zeros(point_step, np.uint8)
+
+    def values(place: _Place) -> NDArray[Any]:
+        return np.ndarray(shape, place.dtype, data, place.offset, steps).reshape(-1)
+
+    points_S = np.empty((count, 3), np.float32)
+    intensity = ring = time_offset_s = None
+    with np.errstate(over="ignore", invalid="ignore"):  # a float64 beyond float32 becomes infinite
+        if count and layout.is_plain:
+            offsets = tuple(place.offset for place in layout.xyz)
+            _native.gather_frd(data, offsets, shape, steps, points_S)
+        else:
+            for column, (place, sign) in enumerate(zip(layout.xyz, (1.0, -1.0, -1.0), strict=True)):
+                np.multiply(values(place), sign, out=points_S[:, column], casting="same_kind")
+        if layout.intensity is not None:
+            intensity = values(layout.intensity).astype(np.float32)
+        if layout.ring is not None:
+            rings = values(layout.ring)
+            if rings.dtype.newbyteorder("=") not in (np.uint8, np.uint16):
+                rings = np.clip(np.nan_to_num(rings), 0, np.iinfo(np.uint16).max)
+            ring = rings.astype(np.uint16)
+        if layout.time is not None:
+            time_offset_s = _after_stamp(values(layout.time), layout.time.name, stamp_ns)
+    return Points(points_S, intensity, ring, time_offset_s)
 
 
-def _positions(cloud: _Cloud) -> Float32:
-    """Give x, y, z in FRD, (N, 3): left and up change their sign."""
-    views = [cloud.view(name, "f") for name in "xyz"]
-    points_S = np.empty((cloud.count, 3), np.float32)
-    if cloud.count and all(view.dtype == np.float32 for view in views):
-        offsets = tuple(cloud.fields[name].offset for name in "xyz")
-        _native.gather_frd(cloud.data, offsets, cloud.shape, cloud.steps, points_S)
-        return points_S
-    for column, (view, sign) in enumerate(zip(views, (1.0, -1.0, -1.0), strict=True)):
-        np.multiply(view.reshape(-1), sign, out=points_S[:, column], casting="same_kind")
-    return points_S
-
-
-def _intensity(cloud: _Cloud) -> Float32 | None:
-    name = cloud.first_of(("intensity", "reflectivity"))
-    return None if name is None else cloud.view(name).astype(np.float32).reshape(-1)
-
-
-def _ring(cloud: _Cloud) -> NDArray[np.uint16] | None:
-    name = cloud.first_of(("ring", "channel"))
-    if name is None:
-        return None
-    view = cloud.view(name)
-    if view.dtype.newbyteorder("=") not in (np.uint8, np.uint16):
-        view = np.clip(np.nan_to_num(view), 0, np.iinfo(np.uint16).max)
-    return view.astype(np.uint16).reshape(-1)
-
-
-def _time_offset_s(cloud: _Cloud, stamp_ns: int) -> Float32 | None:
-    """Give times after the stamp."""
-    name = cloud.first_of(TIME_FIELDS)
-    if name is None:
-        return None
-    view = cloud.view(name).reshape(-1)
-    if view.dtype.kind != "f":
-        return (view * 1e-9).astype(np.float32)
-    if view.dtype.itemsize == 8 and view.size:
-        view = _after(view, stamp_ns * 1e-9, is_absolute=name == "timestamp")
-    return view.astype(np.float32)
+def _after_stamp(times: NDArray[Any], name: str, stamp_ns: int) -> Float32:
+    """Give times after the stamp, of a field of this name: integers are nanoseconds."""
+    if times.dtype.kind != "f":
+        return (times * 1e-9).astype(np.float32)
+    if times.dtype.itemsize == 8 and times.size:
+        times = _after(times, stamp_ns * 1e-9, is_absolute=name == "timestamp")
+    return times.astype(np.float32)
 
 
 def _after(times: NDArray[Any], stamp_s: float, *, is_absolute: bool) -> NDArray[Any]:

@@ -223,14 +223,20 @@ OBSERVED_OBJECTS = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
-    """What a policy sees: raw SI units, frame B."""
+    """What a policy sees: raw SI units, frame B; K objects at most, 5 in the paper."""
 
     ego: Float32
     """(7,) Goal x, y [m]; surge, sway [m/s]; yaw rate [rad/s]; left, right thrust [N]; eq. (2)."""
     objects: Float32
-    """(5, 5) x, y [m]; vx, vy over ground in B's axes [m/s]; radius [m]; nearest first. Eq. (3)."""
+    """(K, 5) x, y [m]; vx, vy over ground in B's axes [m/s]; radius [m]; nearest first. Eq. (3)."""
     mask: Float32
-    """(5,) 1 where `objects` holds an object, 0 where it is padding (all zeros)."""
+    """(K,) 1 where `objects` holds an object, 0 where it is padding (all zeros)."""
+    outlines: Float32 | None = None
+    """(K, 3) Half length, half beam [m], heading [rad] of the rectangle that an object is; zeros
+    where it is a circle. None: the policy takes none."""
+    hull: Float32 | None = None
+    """(10,) The own hull, as `policy.hull_units.HULL_COLUMNS` says. None: the policy is told
+    nothing of it, or it is not known here."""
 
 
 class Severity(Enum):
@@ -275,6 +281,11 @@ class Decision:
     events: tuple[HealthEvent, ...] = field(default=())
     arrived: bool = False
     """True once the (last) goal is reached."""
+
+    @property
+    def observed(self) -> bool:
+        """Whether `observation` holds something."""
+        return self.observation is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,9 +7,10 @@ to its own size counted from the end of that header. Source: OMG DDS-XTypes 1.3,
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from struct import Struct
-from typing import Any, Final, Literal, TypeAlias, TypeVar
+from typing import Any, Final, Generic, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ LONGEST_NAME: Final = 255
 recorded again with every transform, so a long one would be paid for many times."""
 
 T = TypeVar("T", bound=np.generic)
+M = TypeVar("M")
 ByteOrder: TypeAlias = Literal["<", ">"]
 
 _ORDERS: Final[dict[bytes, ByteOrder]] = {b"\x00\x00": ">", b"\x00\x01": "<"}
@@ -37,24 +39,19 @@ def _record(order: ByteOrder, layout: str) -> Struct:
     return Struct(order + layout)
 
 
-def byte_order(payload: bytes | memoryview, ros_type: str) -> ByteOrder:
-    """Give the byte order of a payload as `struct` writes it; refuse anything but plain CDR."""
-    if len(payload) < HEADER_SIZE:
-        raise MessageError(f"{ros_type}: {len(payload)} bytes are too few for a CDR header")
-    order = _ORDERS.get(bytes(payload[:2]))
-    if order is None:
-        found = bytes(payload[:2]).hex(" ")
-        raise MessageError(f"{ros_type}: CDR header {found} is neither 00 01 nor 00 00")
-    return order
-
-
 class Reader:
     """Reads the fields of one payload in order; anything odd is a `MessageError`."""
 
     __slots__ = ("_at", "_data", "_type", "order")
 
     def __init__(self, payload: bytes | memoryview, ros_type: str) -> None:
-        self.order = byte_order(payload, ros_type)
+        order = _ORDERS.get(bytes(payload[:2]))
+        if len(payload) < HEADER_SIZE:
+            raise MessageError(f"{ros_type}: {len(payload)} bytes are too few for a CDR header")
+        if order is None:
+            found = bytes(payload[:2]).hex(" ")
+            raise MessageError(f"{ros_type}: CDR header {found} is neither 00 01 nor 00 00")
+        self.order: ByteOrder = order
         """Byte order, as `struct` and numpy write it."""
         self._data = memoryview(payload)
         self._at = HEADER_SIZE
@@ -82,17 +79,13 @@ class Reader:
         record = _record(self.order, layout)
         return record.unpack_from(self._data, self.take(record.size, align))
 
-    def uint32(self) -> int:
-        """Read an unsigned number of 4 bytes."""
-        return int(self.values("I", 4)[0])
-
     def uint8(self) -> int:
         """Read an unsigned number of 1 byte."""
         return self._data[self.take(1)]
 
     def flag(self) -> bool:
         """Read a bool; only 0 and 1 are bools."""
-        value = self.uint8()
+        value = self._data[self.take(1)]
         if value > 1:
             raise self.fail(f"{value} is not a bool")
         return value == 1
@@ -109,7 +102,7 @@ class Reader:
         longest
             [B] A longer one is refused before it is read.
         """
-        size = self.uint32()
+        (size,) = self.values("I", 4)
         if longest is not None and size > longest + 1:
             raise self.fail(
                 f"a name of {size - 1} bytes is too long: at most {longest} are allowed"
@@ -126,7 +119,7 @@ class Reader:
 
     def count(self, smallest: int) -> int:
         """Read the length of a sequence whose elements have at least `smallest` bytes."""
-        count = self.uint32()
+        count = int(self.values("I", 4)[0])
         if count * smallest > len(self._data) - self._at:
             raise self.fail(
                 f"{count} elements do not fit the {len(self._data)} bytes of the message"
@@ -205,3 +198,106 @@ class Writer:
     def payload(self) -> bytes:
         """Give what was written."""
         return bytes(self._parts)
+
+
+# -- Messages by a table: one description instead of a class, a reader and a writer that must agree.
+
+
+class Kind(NamedTuple):
+    """How a value is read and written."""
+
+    read: Callable[[Reader], Any]
+    write: Callable[[Writer, Any], None]
+
+
+def number(layout: str) -> Kind:
+    """Give the kind of one number; `layout` is `struct`'s letter of it."""
+    align = _record("<", layout).size
+    return Kind(
+        lambda reader: reader.values(layout, align)[0],
+        lambda writer, value: writer.values(layout, align, value),
+    )
+
+
+def vector(count: int) -> Kind:
+    """Give the kind of a fixed number of float64: an array of this length."""
+    return Kind(
+        lambda reader: np.array(reader.values(f"{count}d", 8)),
+        lambda writer, values: writer.values(f"{count}d", 8, *values.tolist()),
+    )
+
+
+def array(dtype: type[np.generic], *shape: int) -> Kind:
+    """Give the kind of a sequence of numbers: an array, (K, *shape)."""
+    return Kind(
+        lambda reader: reader.array(dtype, shape),
+        lambda writer, numbers: writer.array(numbers, dtype),
+    )
+
+
+FLAG: Final = Kind(Reader.flag, lambda writer, value: writer.values("?", 1, value))
+STRING: Final = Kind(Reader.string, Writer.string)
+
+
+class Layout(Generic[M]):
+    """A message: what makes it of its values, and their kinds in the order of the wire.
+
+    Parameters
+    ----------
+    make
+        Makes the message; called with the values by their names.
+    ros_type
+        Its ROS type; empty for what is only part of messages.
+    alike
+        What its arrays are called where they differ in length; empty: they may.
+    kinds
+        The values by name: the message's attributes, when it is written.
+    """
+
+    def __init__(
+        self, make: Callable[..., M], ros_type: str = "", *, alike: str = "", **kinds: Kind
+    ) -> None:
+        self._make, self._type, self._alike, self._kinds = make, ros_type, alike, kinds
+
+    def read(self, reader: Reader) -> M:
+        """Read it where it is part of another message."""
+        values = {name: kind.read(reader) for name, kind in self._kinds.items()}
+        arrays = (value for value in values.values() if isinstance(value, np.ndarray))
+        if self._alike and len({len(one) for one in arrays}) > 1:
+            raise reader.fail(f"the arrays of its {self._alike} differ in length")
+        return self._make(**values)
+
+    def write(self, writer: Writer, message: M) -> None:
+        """Write it as part of another message."""
+        for name, kind in self._kinds.items():
+            kind.write(writer, getattr(message, name))
+
+    def decode(self, payload: bytes | memoryview) -> M:
+        """Read a whole payload; a `MessageError` if it is anything else."""
+        reader = Reader(payload, self._type)
+        message = self.read(reader)
+        reader.end()
+        return message
+
+    def encode(self, message: M) -> bytes:
+        """Write a whole payload."""
+        writer = Writer()
+        self.write(writer, message)
+        return writer.payload()
+
+    @property
+    def kind(self) -> Kind:
+        """The kind of a value that is such a message."""
+        return Kind(self.read, self.write)
+
+    def sequence(self, smallest: int) -> Kind:
+        """Give the kind of several; each takes at least `smallest` bytes."""
+
+        def write(writer: Writer, messages: Sequence[M]) -> None:
+            writer.values("I", 4, len(messages))
+            for message in messages:
+                self.write(writer, message)
+
+        return Kind(
+            lambda reader: tuple([self.read(reader) for _ in range(reader.count(smallest))]), write
+        )

@@ -59,7 +59,7 @@ struct Surroundings {
 };
 
 struct Contact {
-  double harm = 0.0;  // [m/s] how much faster than allowed it closes in, and how long
+  double excess = 0.0;  // [m/s] how much faster than allowed it closes in, and how long
   double time = std::numeric_limits<double>::infinity();  // [s] until it first does
   double speed = 0.0;                                     // [m/s] how fast it then closes in
   int circle = -1;                                        // which one it is
@@ -68,7 +68,7 @@ struct Contact {
 
 // Predicts and judges; keeps its memory between calls.
 class Foresight {
-  // [1/s] What comes faster than allowed for a second does as much harm as what comes twice as fast.
+  // [1/s] What comes too fast for a second counts as much as what comes twice as fast.
   // Without it all ways out are alike where the first moment, which none can change, is the worst.
   static constexpr double LASTING = 1.0;
   // [m] However deep surfaces overlap, the vessel need not leave faster than from here: a boat that
@@ -131,10 +131,10 @@ class Foresight {
         worst.speed = fastest(path, step, around, static_cast<std::size_t>(now.circle));
         worst.to_starboard = starboard(path, step, around, static_cast<std::size_t>(now.circle));
       }
-      peak = std::max(peak, now.harm);
-      sum += now.harm;
+      peak = std::max(peak, now.excess);
+      sum += now.excess;
     }
-    worst.harm = peak + LASTING * rules_.dt * sum;
+    worst.excess = peak + LASTING * rules_.dt * sum;
     return worst;
   }
 
@@ -174,7 +174,7 @@ class Foresight {
     return (gap(path, step - 1, own, around, k) - gap(path, step, own, around, k)) / rules_.dt;
   }
 
-  // Keeps what does most harm in this step.
+  // Keeps the greatest excess of this step.
   void meet(std::span<const Planar> path, std::size_t step, const HullCircle& own,
             const Surroundings& around, std::size_t k, Contact& now) const {
     const double left = gap(path, step, own, around, k);
@@ -182,9 +182,9 @@ class Foresight {
     const double time = static_cast<double>(step) * rules_.dt;
     const double weight = 1.0 - time / (around.horizon[k] + rules_.dt);
     const double allowed = rules_.approach * std::max(left, -DEEPEST);
-    const double harm =
+    const double excess =
         (closing(path, step, own, around, k) - allowed) * std::max(weight, 0.0);
-    if (harm > now.harm) now = {.harm = harm, .time = time, .circle = static_cast<int>(k)};
+    if (excess > now.excess) now = {.excess = excess, .time = time, .circle = static_cast<int>(k)};
   }
 
   double fastest(std::span<const Planar> path, std::size_t step, const Surroundings& around,

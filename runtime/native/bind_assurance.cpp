@@ -23,7 +23,7 @@ Surroundings surroundings(const In<-1, 2>& p, const In<-1, 2>& v, const In<-1>& 
 }
 
 nb::tuple as_tuple(const Contact& c) {
-  return nb::make_tuple(c.harm, c.time, c.speed, c.circle, c.to_starboard);
+  return nb::make_tuple(c.excess, c.time, c.speed, c.circle, c.to_starboard);
 }
 
 }  // namespace

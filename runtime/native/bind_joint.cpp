@@ -20,7 +20,7 @@ Given<double> pair_fits(In<-1, 6> x, In<-1, 6, 6> P, In<-1, -1> z, In<-1, -1, 6>
               R.shape(0) == detections && R.shape(1) == d && R.shape(2) == d &&
               R_rad2.size() == detections,
           "pair_fits: x, P of each track; z, H, R, R_rad2 of each detection");
-  const LookRows look{{z.data(), z.size()},
+  const MeasurementRows look{{z.data(), z.size()},
                       {H.data(), H.size()},
                       {R.data(), R.size()},
                       {R_rad2.data(), R_rad2.size()},

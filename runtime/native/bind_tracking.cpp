@@ -54,20 +54,20 @@ Beams beams_of(In<-1> elevations, const std::array<double, 3>& begin,
   return beams;
 }
 
-void make_free_water(FreeWater* self, In<-1, 2> sights, In<-1> heights, Numbers seen,
+void make_free_water(FreeWater* self, In<-1, 2> boundary, In<-1> heights, Numbers seen,
                      const std::array<double, 3>& begin, double sector, double guard,
                      bool is_closed, In<-1> elevations, const std::array<double, 3>& down,
                      double least) {
-  const std::size_t size = sights.shape(0);
+  const std::size_t size = boundary.shape(0);
   require(heights.size() == size && seen.size() == size,
           "FreeWater: a height and a number for each sight");
   require(sector > 0.0 && guard >= 0.0, "FreeWater: needs a sector's width, and no negative guard");
   require(std::isfinite(begin[0]) && std::isfinite(begin[1]), "FreeWater: begins somewhere");
-  std::vector<SightRow> rows;
+  std::vector<BoundaryEnd> rows;
   rows.reserve(size);
   for (std::size_t i = 0; i < size; ++i) {
     const bool is_echo = !std::isnan(heights.data()[i]);
-    rows.push_back({sights.data()[2 * i], sights.data()[2 * i + 1], is_echo, seen.data()[i]});
+    rows.push_back({boundary.data()[2 * i], boundary.data()[2 * i + 1], is_echo, seen.data()[i]});
   }
   new (self) FreeWater(rows, begin[0], begin[1], sector, guard, is_closed,
                        beams_of(elevations, begin, down, least));
@@ -77,15 +77,15 @@ void make_free_water(FreeWater* self, In<-1, 2> sights, In<-1> heights, Numbers 
 nb::tuple ask_free_water(const FreeWater& water, In<-1, 2> places, In<-1> tops, double margin) {
   const std::size_t size = places.shape(0);
   require(tops.size() == size, "FreeWater: a height for each place");
-  std::vector<FreeWater::Told> told(size);
+  std::vector<FreeWater::Known> known(size);
   for (std::size_t i = 0; i < size; ++i) {
-    told[i] = water.ask(places.data()[2 * i], places.data()[2 * i + 1], tops.data()[i], margin);
+    known[i] = water.ask(places.data()[2 * i], places.data()[2 * i + 1], tops.data()[i], margin);
   }
   auto answers = make_array<std::int8_t>(
-      {size}, [&](auto* out) { for (const auto& t : told) *out++ = t.answer; });
-  auto whose = make_array<std::int64_t>(
-      {size}, [&](auto* out) { for (const auto& t : told) *out++ = t.whose; });
-  return nb::make_tuple(answers, whose);
+      {size}, [&](auto* out) { for (const auto& t : known) *out++ = t.answer; });
+  auto object = make_array<std::int64_t>(
+      {size}, [&](auto* out) { for (const auto& t : known) *out++ = t.object; });
+  return nb::make_tuple(answers, object);
 }
 
 // (3, K, M): squared distances without and with the gate's allowance, log |S| with it; infinite
@@ -129,11 +129,11 @@ Given<double> column_of(const std::vector<CentroidRow>& rows,
 
 // z, H, R, radius, gate of the objects that are finite, and which these are.
 nb::tuple measured(const CentroidModel& model, In<-1, 2> p, In<-1> radius, Numbers points,
-                   const std::array<double, 4>& stand) {
+                   const std::array<double, 4>& viewpoint) {
   const std::size_t size = p.shape(0);
   require(radius.size() == size && points.size() == size,
           "CentroidModel: place, radius and points of each object");
-  const Stand own{stand[0], stand[1], stand[2], stand[3]};
+  const Viewpoint own{viewpoint[0], viewpoint[1], viewpoint[2], viewpoint[3]};
   std::vector<CentroidRow> rows;
   nb::list kept;
   rows.reserve(size);
@@ -175,7 +175,7 @@ void bind_shift(nb::module_& m) {
       .def_ro("xy", &Shift::xy)
       .def_ro("yy", &Shift::yy);
   nb::class_<FreeWater>(m, "FreeWater", "What a scan has shown of places on the water.")
-      .def("__init__", &make_free_water, nb::kw_only(), "sights"_a, "heights"_a, "seen"_a,
+      .def("__init__", &make_free_water, nb::kw_only(), "boundary"_a, "heights"_a, "seen"_a,
            "begin"_a, "sector"_a, "guard"_a, "is_closed"_a, "elevations"_a, "down"_a, "least"_a)
       .def("ask", &ask_free_water, "places"_a, "tops"_a, "margin"_a);
   nb::class_<ShiftFinder>(m, "ShiftFinder", "Finds strips again in the next scan.")
@@ -210,7 +210,7 @@ void bind_tracking(nb::module_& m) {
           nb::kw_only(), "range"_a, "depth"_a, "small_depth"_a, "buoy"_a, "hull"_a, "along"_a,
           "across"_a, "row_spread"_a, "row"_a, "sigma"_a, "scatter"_a, "jump"_a, "edge"_a,
           "edge_sigma"_a)
-      .def("measured", &measured, "p"_a, "radius"_a, "points"_a, "stand"_a)
+      .def("measured", &measured, "p"_a, "radius"_a, "points"_a, "viewpoint"_a)
       .def("bias_variance", &bias_variance, "places"_a, "radius"_a, "north"_a, "east"_a);
   m.def("invert_stack", &invert_stack, "matrices"_a,
         "Invert symmetric positive definite matrices, (K, n, n), n at most 8.");

@@ -23,7 +23,7 @@ struct CentroidRules {
 };
 
 // From where, and with which heading's cosine and sine, the scan was taken.
-struct Stand {
+struct Viewpoint {
   double north, east, cosine, sine;
   bool finite() const {
     return std::isfinite(north) && std::isfinite(east) && std::isfinite(cosine);
@@ -42,7 +42,7 @@ class CentroidModel {
   explicit CentroidModel(CentroidRules rules) : rules_(std::move(rules)) {}
 
   // A thing at x forward, y starboard [m], of which there are this many echoes.
-  CentroidRow row(double x, double y, double radius, std::int64_t points, const Stand& own) const {
+  CentroidRow row(double x, double y, double radius, std::int64_t points, const Viewpoint& own) const {
     const double north = own.cosine * x - own.sine * y, east = own.sine * x + own.cosine * y;
     const double distance = std::hypot(north, east), least = std::max(distance, 1e-9);
     const double u = north / least, v = east / least;  // the line of sight

@@ -37,48 +37,48 @@ struct Beams {
   }
 };
 
-// One sector's sight.
-struct SightRow {
+// Where the line of sight of one sector ends.
+struct BoundaryEnd {
   double x, y;         // [m] where it ends
   bool is_echo;        // at an echo, or where nothing more is looked at
-  std::int64_t whose;  // echo
+  std::int64_t object;  // whose echo that is
 };
 
 class FreeWater {
  public:
   enum Answer : std::int8_t { UNKNOWN, FREE, TAKEN };
-  struct Told {
+  struct Known {
     Answer answer;
-    std::int64_t whose;  // what takes the place
+    std::int64_t object;  // what takes the place
   };
 
-  // The sights begin at x, y. Where nothing is looked at, as beside an image that is no full turn,
+  // The lines of sight begin at x, y. Where nobody looks, as beside an image that is no full turn,
   // nothing is known; nor is it behind a sight within `guard` [rad] that ends before.
-  FreeWater(std::span<const SightRow> sights, double x, double y, double sector, double guard,
+  FreeWater(std::span<const BoundaryEnd> boundary, double x, double y, double sector, double guard,
             bool is_closed, Beams beams)
       : x_(x),
         y_(y),
         bins_(static_cast<std::size_t>(std::ceil(TURN / std::max(sector, FINEST)))),
         per_rad_(static_cast<double>(bins_.size()) / TURN),
         beams_(std::move(beams)) {
-    for (std::size_t i = 0; i < sights.size(); ++i) {
-      const double dx = sights[i].x - x_, dy = sights[i].y - y_;
-      const bool is_edge = !is_closed && (i == 0 || i + 1 == sights.size());
+    for (std::size_t i = 0; i < boundary.size(); ++i) {
+      const double dx = boundary[i].x - x_, dy = boundary[i].y - y_;
+      const bool is_edge = !is_closed && (i == 0 || i + 1 == boundary.size());
       const double reach = is_edge ? 0.0 : std::hypot(dx, dy);
       Bin& bin = bins_[index(dx, dy)];
       if (reach < bin.free) {
-        bin = is_edge ? Bin{0.0, false, NOBODY} : Bin{reach, sights[i].is_echo, sights[i].whose};
+        bin = is_edge ? Bin{0.0, false, NOBODY} : Bin{reach, boundary[i].is_echo, boundary[i].object};
       }
     }
     narrow(static_cast<std::size_t>(std::ceil(guard * per_rad_)));
   }
 
   // What is known of a place where something reaches up to `top` [m], and a margin [m] around it?
-  Told ask(double x, double y, double top, double margin) const {
+  Known ask(double x, double y, double top, double margin) const {
     const double dx = x - x_, dy = y - y_, away = std::hypot(dx, dy);
     const Bin& bin = bins_[index(dx, dy)];
     if (away < bin.free - margin) return {beams_.meet(dx, dy, top) ? FREE : UNKNOWN, NOBODY};
-    if (bin.is_echo && away <= bin.free + margin) return {TAKEN, bin.whose};
+    if (bin.is_echo && away <= bin.free + margin) return {TAKEN, bin.object};
     return {UNKNOWN, NOBODY};
   }
 
@@ -89,7 +89,7 @@ class FreeWater {
   struct Bin {
     double free = std::numeric_limits<double>::infinity();  // [m]
     bool is_echo = false;
-    std::int64_t whose = NOBODY;
+    std::int64_t object = NOBODY;
   };
 
   std::size_t index(double dx, double dy) const {

@@ -17,7 +17,7 @@ constexpr std::size_t STATE = 6;
 
 // One look: M detections of D numbers each, with the noise that grows with the squared distance of
 // the target from the origin.
-struct LookRows {
+struct MeasurementRows {
   std::span<const double> z, H, R, R_rad2;  // (M, D), (M, D, 6), (M, D, D), (M,)
   std::array<double, 2> origin;             // north, east [m]
 };
@@ -29,7 +29,7 @@ struct PairFit {
 
 // The fit of one track, x (6,) and P (6, 6), and one detection.
 template <std::size_t D>
-PairFit pair_fit(const double* x, const double* P, const LookRows& look, std::size_t m,
+PairFit pair_fit(const double* x, const double* P, const MeasurementRows& look, std::size_t m,
                  double gate2) {
   const double *z = &look.z[D * m], *H = &look.H[D * STATE * m], *R = &look.R[D * D * m];
   const double north = x[0] - look.origin[0], east = x[1] - look.origin[1];

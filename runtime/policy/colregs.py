@@ -106,7 +106,7 @@ def in_crossing_zone(
 
 
 def compliant_course(
-    p: Float64, radius: Float64, ego_radius: float, settings: ColregsSettings = DEFAULT
+    p: Float64, radius: Float64, ego_radius: Float64 | float, settings: ColregsSettings = DEFAULT
 ) -> Float64:
     """Give the course that passes the other vessel on its starboard side of the line of sight.
 
@@ -137,7 +137,7 @@ def starboard_turn(
     p: Float64,
     radius: Float64,
     v_ego: Float64,
-    ego_radius: float,
+    ego_radius: Float64 | float,
     settings: ColregsSettings = DEFAULT,
 ) -> Float64:
     """Give max(delta, 0) [rad]: how far to starboard the ego's course falls short of the compliant.

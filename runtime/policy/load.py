@@ -9,9 +9,10 @@ import numpy as np
 from msgspec.structs import replace
 
 from twinscrew.runtime.errors import ConfigError, PolicyError
-from twinscrew.runtime.messages.types import Float64, Observation
-from twinscrew.runtime.policy.hull_units import HullUnits, in_units, units_of
+from twinscrew.runtime.messages.types import Float32, Float64, Observation
+from twinscrew.runtime.policy.hull_units import HullUnits, describe_hull, in_units, units_of
 from twinscrew.runtime.policy.metadata import PolicyExpectation
+from twinscrew.runtime.policy.observation import Shown
 from twinscrew.runtime.policy.risk import RiskSettings
 from twinscrew.runtime.policy.vessel_model import VesselParameters
 from twinscrew.runtime.settings import load, shipped
@@ -35,6 +36,10 @@ class Policy(Protocol):
     def period_s(self) -> float:
         """[s] Time between two decisions that the policy was made for."""
 
+    @property
+    def shown(self) -> Shown:
+        """What the policy takes."""
+
     def act(self, observation: Observation) -> Float64:
         """Give the thrust rates, (2,) [N/s] left and right, for what is seen.
 
@@ -51,13 +56,28 @@ class Policy(Protocol):
 class InHullUnits:
     """A policy made for the default vessel's units that drives another hull."""
 
-    def __init__(self, policy: Policy, units: HullUnits) -> None:
+    def __init__(self, policy: Policy, units: HullUnits, hull: Float32 | None = None) -> None:
+        """Wrap a policy.
+
+        Parameters
+        ----------
+        policy
+            Who decides, in the default vessel's units.
+        units
+            Of the hull that it drives.
+        hull : (10,) float32
+            What a policy is told that takes a hull's description, in these units.
+        """
         self.policy = policy
         self.units = units
         length, time, force = units
         speed = units.speed
+        inner = policy.shown
+        self.shown = inner._replace(range_m=inner.range_m * length)
         ego = (length, length, speed, speed, 1.0 / time, force, force)
         self._ego = (1.0 / np.array(ego)).astype(np.float32)
+        self._outline = (1.0 / np.array([length, length, 1.0])).astype(np.float32)
+        self._hull = hull
         self._object = (1.0 / np.array([length, length, speed, speed, length])).astype(np.float32)
 
     @property
@@ -76,6 +96,8 @@ class InHullUnits:
             ego=observation.ego * self._ego,
             objects=observation.objects * self._object,
             mask=observation.mask,
+            outlines=None if observation.outlines is None else observation.outlines * self._outline,
+            hull=self._hull,
         )
         return self.policy.act(seen) * (self.units.force / self.units.time)
 
@@ -119,7 +141,14 @@ def load_policy(
     # What is not used is not imported: a planner needs no ONNX Runtime.
     from twinscrew.runtime.policy.onnx import OnnxPolicy
 
-    return OnnxPolicy(path, expect, risk)
+    policy = OnnxPolicy(path, expect, risk)
+    if policy.metadata.vessel != "any":
+        return policy
+    hull = vessel or load_vessel()
+    units = units_of(hull, load_vessel())
+    lag_s = hull.thrusters.time_constant_s / units.time
+    told = describe_hull(in_units(hull.plane, units), lag_s).astype(np.float32)
+    return InHullUnits(policy, units, told)
 
 
 def _planner(name: str, vessel: VesselDescription) -> Policy:

@@ -12,19 +12,33 @@ from msgspec import Meta
 
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
+from twinscrew.runtime.policy.hull_units import HULL_COLUMNS
 from twinscrew.runtime.settings import Positive, Settings
 from twinscrew.runtime.vessel_description import load_vessel
 
 Text = Annotated[str, Meta(min_length=1)]
 
-INPUT_SHAPES: dict[str, tuple[int, ...]] = {
-    "ego": (7,),
-    "objects": (OBSERVED_OBJECTS, 5),
-    "mask": (OBSERVED_OBJECTS,),
-    "risk": (1,),
-}
-"""Inputs of a policy's graph, float32, without the batch dimension; `risk` may be missing."""
-OPTIONAL_INPUTS = ("risk",)
+EXTENDED_INPUTS = ("outlines", "hull")
+"""Beside the paper's: what the objects are shaped like, and what the own hull is."""
+OPTIONAL_INPUTS = ("risk", *EXTENDED_INPUTS)
+MOST_OBJECTS = 32
+
+
+def input_shapes(objects: int = OBSERVED_OBJECTS) -> dict[str, tuple[int, ...]]:
+    """Give the inputs of a policy's graph, float32, without the batch dimension.
+
+    `OPTIONAL_INPUTS` may be missing.
+    """
+    return {
+        "ego": (7,),
+        "objects": (objects, 5),
+        "mask": (objects,),
+        "risk": (1,),
+        "outlines": (objects, 3),
+        "hull": (len(HULL_COLUMNS),),
+    }
+
+
 OUTPUT_NAME = "thrust_rate"
 OUTPUT_SHAPE = (2,)
 
@@ -44,10 +58,12 @@ class PolicyMetadata(msgspec.Struct, frozen=True, kw_only=True):
     """[N] Greatest thrust of each propeller in training."""
     thrust_rate_max_n_per_s: Positive
     """[N/s] Greatest rate that the graph answers with."""
-    observed_objects: Annotated[int, Meta(ge=OBSERVED_OBJECTS, le=OBSERVED_OBJECTS)]
+    observed_objects: Annotated[int, Meta(ge=1, le=MOST_OBJECTS)]
     """[-] Number of objects it sees."""
     perception_range_m: Positive
     """[m] How far it could see in training."""
+    perception_range_min_m: float = 0.0
+    """[m] If positive: it could see anything from this far to `perception_range_m`."""
     radius_margin: Positive
     """[-] Factor on observed radii, already applied inside the graph."""
     inputs: Text
@@ -56,8 +72,14 @@ class PolicyMetadata(msgspec.Struct, frozen=True, kw_only=True):
     commit: Text
     created: Text
     vessel: Text = load_vessel().name
-    """The vessel that it was trained for, by its description's name, or "any". Files that do not
-    tell are the default vessel's."""
+    """The vessel that it was trained for, by its description's name, or "any": then everything that
+    it sees, and its answer, is in the hull's own units (`hull_units`). Files that do not tell are
+    the default vessel's."""
+
+    @property
+    def extended(self) -> bool:
+        """Whether it takes the objects' outlines and the own hull's description."""
+        return all(name in json.loads(self.inputs) for name in EXTENDED_INPUTS)
 
 
 class PolicyExpectation(Settings, frozen=True, kw_only=True):
@@ -96,7 +118,7 @@ def read_metadata(properties: Mapping[str, str]) -> PolicyMetadata:
         value = getattr(metadata, key)
         if isinstance(value, float) and not math.isfinite(value):
             raise PolicyError(f"metadata {key!r} is {value}; expected a finite number")
-    _check_inputs(metadata.inputs)
+    _check_inputs(metadata.inputs, metadata.observed_objects)
     return metadata
 
 
@@ -113,6 +135,8 @@ def check_expectation(metadata: PolicyMetadata, expect: PolicyExpectation) -> No
             f"trained for {metadata.vessel!r}; the vessel is {expect.vessel!r}: allowed are apf, "
             "mpc, or a policy trained for it"
         )
+    if metadata.vessel == "any":  # its thrusts and ranges are in the hull's own units
+        return
     for key in ("thrust_min_n", "thrust_max_n", "perception_range_m"):
         needed, given = getattr(expect, key), getattr(metadata, key)
         if needed is not None and needed != given:
@@ -120,10 +144,10 @@ def check_expectation(metadata: PolicyMetadata, expect: PolicyExpectation) -> No
 
 
 _TYPES = {field.name: field.type for field in msgspec.structs.fields(PolicyMetadata)}
-_OPTIONAL = ("vessel",)
+_OPTIONAL = ("vessel", "perception_range_min_m")
 
 
-def _check_inputs(text: str) -> None:
+def _check_inputs(text: str, objects: int) -> None:
     """Check the JSON description of the inputs: names, and units, frame and shape of each."""
     try:
         inputs: Any = json.loads(text)
@@ -131,7 +155,9 @@ def _check_inputs(text: str) -> None:
         raise PolicyError(f"metadata 'inputs': not JSON: {error}") from error
     if not isinstance(inputs, dict):
         raise PolicyError("metadata 'inputs': expected an object of name -> units, frame, shape")
-    for name, shape in INPUT_SHAPES.items():
+    if len(set(EXTENDED_INPUTS) & set(inputs)) == 1:
+        raise PolicyError(f"metadata 'inputs': {' and '.join(EXTENDED_INPUTS)} come together")
+    for name, shape in input_shapes(objects).items():
         if name not in inputs:
             if name in OPTIONAL_INPUTS:
                 continue

@@ -6,6 +6,9 @@ alone, so that roll and pitch in the waves do not shift what is 15 m away.
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 
 from twinscrew.runtime.errors import PolicyError
@@ -37,12 +40,27 @@ class ObservationSettings(Settings, frozen=True, kw_only=True):
 DEFAULTS = ObservationSettings()
 
 
+class Shown(NamedTuple):
+    """What a policy takes."""
+
+    objects: int = OBSERVED_OBJECTS
+    """[-] K: how many it is shown at most."""
+    outlines: bool = False
+    """Whether it is shown their outlines."""
+    range_m: float = math.inf
+    """[m] Farther than this it is shown none, however far the vessel sees."""
+
+
+PAPER = Shown()
+
+
 def observe(
     odometry: Odometry,
     goal: Goal,
     tracks: Tracks,
     thrust: Float64,
     settings: ObservationSettings = DEFAULTS,
+    shown: Shown = PAPER,
 ) -> Observation:
     """Say what the vessel knows in the frame its policy was trained in.
 
@@ -58,6 +76,8 @@ def observe(
         The present command [N], left and right.
     settings
         Which objects are seen.
+    shown
+        What the policy takes.
 
     Returns
     -------
@@ -67,25 +87,46 @@ def observe(
     """
     R_NL = rotation_2d(odometry.heading)
     ego = np.empty(7, dtype=np.float32)
-    ego[:2] = _within(goal.position_N - odometry.position_N[:2], settings.goal_range_m) @ R_NL
+    way_N = goal.position_N - odometry.position_N[:2]
+    far = settings.goal_range_m / max(float(np.hypot(*way_N)), settings.goal_range_m)
+    ego[:2] = (way_N * far) @ R_NL
     ego[2:5] = levelled_twist(odometry)
     ego[5:] = thrust
-    objects = np.zeros((OBSERVED_OBJECTS, 5), dtype=np.float32)
-    mask = np.zeros(OBSERVED_OBJECTS, dtype=np.float32)
+    objects = np.zeros((shown.objects, 5), dtype=np.float32)
+    mask = np.zeros(shown.objects, dtype=np.float32)
+    outlines = np.zeros((shown.objects, 3), dtype=np.float32) if shown.outlines else None
     if tracks.id.size:
         p_L = (tracks.p_N - odometry.position_N[:2]) @ R_NL
-        nearest = nearest_objects(p_L, tracks.radius, settings)
+        nearest = nearest_objects(p_L, tracks.radius, settings, shown)
         count = nearest.size
         objects[:count, :2] = p_L[nearest]
         objects[:count, 2:4] = tracks.v_N[nearest] @ R_NL
         objects[:count, 4] = tracks.radius[nearest]
         mask[:count] = 1.0
-    return Observation(ego=ego, objects=objects, mask=mask)
+        if outlines is not None and tracks.half_length is not None:
+            outlines[:count] = _outlines(tracks, odometry.heading)[nearest]
+    return Observation(ego=ego, objects=objects, mask=mask, outlines=outlines)
 
 
-def _within(d_N: Float64, range_m: float) -> Float64:
-    """Shorten a vector, (2,) [m], that is longer than the range."""
-    return d_N * (range_m / max(float(np.hypot(*d_N)), range_m))
+def nothing_seen(shown: Shown = PAPER) -> Observation:
+    """Give the observation of a vessel at rest, at its goal, with nothing around."""
+    k = shown.objects
+    return Observation(
+        ego=np.zeros(7, dtype=np.float32),
+        objects=np.zeros((k, 5), dtype=np.float32),
+        mask=np.zeros(k, dtype=np.float32),
+        outlines=np.zeros((k, 3), dtype=np.float32) if shown.outlines else None,
+    )
+
+
+def _outlines(tracks: Tracks, heading: float) -> Float64:
+    """Give half length, half beam [m] and heading [rad] of tracks in frame L; zeros if unknown."""
+    missing = np.full(tracks.id.size, np.nan)
+    parts = (tracks.half_length, tracks.half_beam, tracks.heading)
+    rows = np.stack([missing if part is None else part for part in parts], axis=1)
+    rows[:, 2] = np.remainder(rows[:, 2] - heading + np.pi, 2 * np.pi) - np.pi
+    rows[~np.isfinite(rows).all(axis=1)] = 0.0
+    return rows
 
 
 def levelled_twist(odometry: Odometry) -> Float64:
@@ -101,9 +142,12 @@ def levelled_twist(odometry: Odometry) -> Float64:
 
 
 def nearest_objects(
-    p_L: Float64, radius: Float64, settings: ObservationSettings = DEFAULTS
+    p_L: Float64,
+    radius: Float64,
+    settings: ObservationSettings = DEFAULTS,
+    shown: Shown = PAPER,
 ) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Give the indices of the objects to see, nearest surface first, at most `OBSERVED_OBJECTS`.
+    """Give the indices of the objects to see, nearest surface first, at most as many as are shown.
 
     Parameters
     ----------
@@ -113,14 +157,18 @@ def nearest_objects(
         Radii [m].
     settings
         Range and own radius.
+    shown
+        What the policy takes.
     """
     surface = np.hypot(p_L[:, 0], p_L[:, 1]) - radius - settings.own_radius_m
     order = np.argsort(surface, kind="stable")
-    seen = surface[order] + settings.own_radius_m <= settings.perception_range_m
-    return order[seen][:OBSERVED_OBJECTS]
+    range_m = min(settings.perception_range_m, shown.range_m)
+    seen = surface[order] + settings.own_radius_m <= range_m
+    return order[seen][: shown.objects]
 
 
 def require_finite(observation: Observation) -> None:
     """Raise a `PolicyError` if what was seen is not finite."""
-    if not (np.isfinite(observation.ego).all() and np.isfinite(observation.objects).all()):
+    parts = (observation.ego, observation.objects, observation.outlines)
+    if not all(np.isfinite(part).all() for part in parts if part is not None):
         raise PolicyError("the observation is not finite")

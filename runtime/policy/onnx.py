@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +13,16 @@ from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.files import read_file
 from twinscrew.runtime.messages.types import Float32, Float64, Observation
 from twinscrew.runtime.policy.metadata import (
-    INPUT_SHAPES,
+    EXTENDED_INPUTS,
     OPTIONAL_INPUTS,
     OUTPUT_NAME,
     OUTPUT_SHAPE,
     PolicyExpectation,
     check_expectation,
+    input_shapes,
     read_metadata,
 )
-from twinscrew.runtime.policy.observation import require_finite
+from twinscrew.runtime.policy.observation import Shown, require_finite
 from twinscrew.runtime.policy.onnx_runtime import ort
 from twinscrew.runtime.policy.onnx_walk import refuse_foreign_parts
 from twinscrew.runtime.policy.risk import RiskSettings, adaptive_level
@@ -59,14 +61,16 @@ class OnnxPolicy:
             data = _read(self.path)
             refuse_foreign_parts(data)
             self._session = _session(data)
-            _check_graph(self._session)
             self.metadata = read_metadata(self._session.get_modelmeta().custom_metadata_map)
+            shapes = input_shapes(self.metadata.observed_objects)
+            _check_graph(self._session, shapes)
             check_expectation(self.metadata, expect or PolicyExpectation())
             self._risk = risk
-            self._feed = _feed(self._session, risk)
+            self._feed = _feed(self._session, risk, shapes)
             self._answer(where="at rest, nothing in sight")
         except (PolicyError, UnicodeDecodeError) as error:  # names and metadata may be no text
             raise PolicyError(f"{self.path}: {error}") from error
+        self._inputs = {node.name for node in graph_inputs(self._session)}
         self.sha256 = hashlib.sha256(data).hexdigest()
         """The file's SHA-256, for logs and replays."""
 
@@ -79,6 +83,14 @@ class OnnxPolicy:
     def period_s(self) -> float:
         """[s] Time between two decisions."""
         return self.metadata.decision_period_s
+
+    @property
+    def shown(self) -> Shown:
+        """What it takes."""
+        m = self.metadata
+        return Shown(
+            m.observed_objects, m.extended, m.perception_range_m if m.extended else math.inf
+        )
 
     def act(self, observation: Observation) -> Float64:
         """Give the thrust rates, (2,) [N/s], clipped to what the policy was trained with.
@@ -93,6 +105,10 @@ class OnnxPolicy:
         self._feed["ego"][0] = observation.ego
         self._feed["objects"][0] = observation.objects
         self._feed["mask"][0] = observation.mask
+        for name in EXTENDED_INPUTS:  # a file's own defaults are circles, seen by the default hull
+            told = getattr(observation, name)
+            if name in self._inputs and told is not None:
+                self._feed[name] = told[None]
         if self._risk.level == "adaptive":
             self._feed["risk"][0] = adaptive_level(
                 observation.objects, observation.mask, self._risk
@@ -142,13 +158,13 @@ def _session(data: bytes) -> Any:
         raise PolicyError(f"not a model that ONNX Runtime can run: {error}") from error
 
 
-def _check_graph(session: Any) -> None:
+def _check_graph(session: Any, shapes: dict[str, tuple[int, ...]]) -> None:
     """Check names, types and shapes of the graph's inputs and output."""
     found = {node.name: node for node in graph_inputs(session)}
     for name in found:
-        if name not in INPUT_SHAPES:
-            raise PolicyError(f"input {name!r}; allowed: {', '.join(INPUT_SHAPES)}")
-    for name, shape in INPUT_SHAPES.items():
+        if name not in shapes:
+            raise PolicyError(f"input {name!r}; allowed: {', '.join(shapes)}")
+    for name, shape in shapes.items():
         if name in found:
             _check_tensor("input", found[name], shape)
         elif name not in OPTIONAL_INPUTS:
@@ -191,8 +207,10 @@ def risk_feed(session: Any, rows: int, risk: RiskSettings) -> dict[str, Float32]
     return {"risk": np.full((rows, 1), level, dtype=np.float32)}
 
 
-def _feed(session: Any, risk: RiskSettings) -> dict[str, Float32]:
+def _feed(
+    session: Any, risk: RiskSettings, shapes: dict[str, tuple[int, ...]]
+) -> dict[str, Float32]:
     """Make the arrays that every decision is written into."""
-    needed = [name for name in INPUT_SHAPES if name not in OPTIONAL_INPUTS]
-    feed = {name: np.zeros((1, *INPUT_SHAPES[name]), dtype=np.float32) for name in needed}
+    needed = [name for name in shapes if name not in OPTIONAL_INPUTS]
+    feed = {name: np.zeros((1, *shapes[name]), dtype=np.float32) for name in needed}
     return feed | risk_feed(session, 1, risk)

@@ -22,7 +22,7 @@ from twinscrew.runtime.policy.colregs import (
     situation,
     starboard_turn,
 )
-from twinscrew.runtime.policy.observation import require_finite
+from twinscrew.runtime.policy.observation import PAPER, Shown, require_finite
 from twinscrew.runtime.policy.vessel_model import (
     Rollout,
     VesselModel,
@@ -65,6 +65,11 @@ class Planner(ABC):
     def period_s(self) -> float:
         """[s] Time between two decisions."""
         return self._plan.period_s
+
+    @property
+    def shown(self) -> Shown:
+        """What the planner takes."""
+        return PAPER
 
     def act(self, observation: Observation) -> Float64:
         """Give the thrust rates, (2,) [N/s], of the cheapest action.

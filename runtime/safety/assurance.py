@@ -223,7 +223,7 @@ class Assurance:
         if not resumes and self._may_pass(wanted, danger, judge):
             return command, self._release(stamp_ns)
         manoeuvre, rest = self._best(given, danger, judge)
-        if not resumes and rest.harm > danger.harm - self.settings.tolerance_mps:
+        if not resumes and rest.excess > danger.excess - self.settings.tolerance_mps:
             return command, self._release(stamp_ns)
         thrust = slewed(given, manoeuvre.law(0.0, motion.surge), self.settings.slew_nps * since_s)
         return np.array(thrust), self._intervene(stamp_ns, manoeuvre.name, danger)
@@ -237,8 +237,8 @@ class Assurance:
     def _may_pass(self, command: Thrust, danger: Contact, judge: Judge) -> bool:
         """Tell whether the command avoids contact, or leaves time for a manoeuvre."""
         tolerance = self.settings.tolerance_mps
-        return danger.harm <= tolerance or any(
-            judge(command, way.law.after(command, self.settings.wait_s)).harm <= tolerance
+        return danger.excess <= tolerance or any(
+            judge(command, way.law.after(command, self.settings.wait_s)).excess <= tolerance
             for way in self._manoeuvres[danger.to_starboard]
         )
 
@@ -247,10 +247,10 @@ class Assurance:
         judged = []
         for way in self._manoeuvres[danger.to_starboard]:
             rest = judge(given, way.law)
-            if rest.harm <= self.settings.tolerance_mps:
+            if rest.excess <= self.settings.tolerance_mps:
                 return way, rest
             judged.append((way, rest))
-        return min(judged, key=lambda pair: pair[1].harm)
+        return min(judged, key=lambda pair: pair[1].excess)
 
     def _intervene(self, stamp_ns: int, manoeuvre: str, danger: Contact) -> tuple[HealthEvent, ...]:
         if self._begun == manoeuvre:
@@ -259,7 +259,7 @@ class Assurance:
             self._begun_ns = stamp_ns
         self._begun = manoeuvre
         where = f"track {danger.track} in {danger.time_s:.1f} s at {danger.speed_mps:.1f} m/s"
-        detail = f"{manoeuvre}: the command meets {where}" if danger.harm else manoeuvre
+        detail = f"{manoeuvre}: the command meets {where}" if danger.excess else manoeuvre
         return (ASSURANCE_INTERVENED.at(stamp_ns, detail),)
 
     def _release(self, stamp_ns: int) -> tuple[HealthEvent, ...]:

@@ -113,7 +113,7 @@ class Circles:
 class Contact(NamedTuple):
     """The worst that a path leads to."""
 
-    harm: float
+    excess: float
     """[m/s] How much faster than allowed it closes in, at most and, times 1 /s, in all; less the
     later; 0 if it leads to none."""
     time_s: float = float("inf")
@@ -241,10 +241,10 @@ class Foresight:
 
 
 def _contact(found: tuple[float, float, float, int, bool], circles: Circles) -> Contact:
-    harm, time_s, speed_mps, circle, to_starboard = found
+    excess, time_s, speed_mps, circle, to_starboard = found
     if circle < 0:
         return NO_CONTACT
-    return Contact(harm, time_s, speed_mps, circles.id[circle], to_starboard)
+    return Contact(excess, time_s, speed_mps, circles.id[circle], to_starboard)
 
 
 class DisturbanceObserver:

@@ -291,7 +291,7 @@ class OutlineView:
         """In the levelled frame L of the place."""
         outline = self.outline
         return FreeWater(
-            sights=outline.boundary_L,
+            boundary=outline.boundary_L,
             heights=outline.height_m,
             seen=outline.seen,
             begin=outline.sensor_L.tolist(),

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.files import read_file
+from twinscrew.runtime.files import read_file, require_unwritable
 from twinscrew.runtime.integrity.manifest import Manifest, read_manifest
-from twinscrew.runtime.permissions import require_unwritable
 from twinscrew.runtime.settings import MOST_BYTES, parse, shipped
 from twinscrew.runtime.vessel.config import RuntimeConfig
 from twinscrew.runtime.vessel_description import DEFAULT

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import median_low
 from typing import Annotated, Final, Literal
@@ -270,6 +270,13 @@ ANOTHER_CLOCK_NS: Final = NANOSECONDS_PER_SECOND
 """[ns] A difference off by more than this is no delay: somebody set a clock."""
 
 
+RUNS_APART_NS: Final = 50_000_000
+"""[ns] A difference that changed by more within the window, and always in one direction, is that of
+clocks of different rates."""
+STEADY_SCANS: Final = 2
+"""[-] That is looked for in each quarter of the window once it holds so many scans."""
+
+
 class AlignmentSettings(Settings, frozen=True):
     """How the autopilot's time becomes the LiDAR's; only for `odometry_source = "autopilot"`."""
 
@@ -289,7 +296,9 @@ class Alignment:
 
     - `arrival`: stamp and arrival of every scan give the clocks' difference, latency included. The
       median of the last ten seconds counts: a late or wrongly stamped scan moves nothing, and drift
-      is followed. The latency that is known (`lidar_latency_s`) is taken out.
+      is followed. If the difference has grown all the time, as in a simulation that is slower than
+      real time, it is carried on to now. The latency that is known (`lidar_latency_s`) is taken
+      out.
     - `system`: stamps are this machine's wall clock (a LiDAR synchronised by PTP or NTP, or stamped
       by a driver on board), whose difference to the monotonic clock is known exactly.
     """
@@ -315,8 +324,22 @@ class Alignment:
         if known_ns is not None and abs(seen_ns - known_ns) > ANOTHER_CLOCK_NS:
             self._seen_ns.clear()
         self._seen_ns.append(seen_ns)
-        self.difference_ns = median_low(self._seen_ns)
+        self.difference_ns = _newest_difference(self._seen_ns)
 
     def lidar_ns(self, loop_ns: int) -> int | None:
         """Give the LiDAR's time of a time of the loop; None before the first scan."""
         return None if self.difference_ns is None else loop_ns + self.difference_ns
+
+
+def _newest_difference(seen_ns: Sequence[int]) -> int:
+    """Give the median [ns], carried on to the last value if all of them rise, or fall."""
+    seen = list(seen_ns)
+    quarter = len(seen) // 4
+    if quarter < STEADY_SCANS:
+        return median_low(seen)
+    parts = [seen[len(seen) - k * quarter :][:quarter] for k in (4, 3, 2, 1)]
+    first, second, third, last = (median_low(part) for part in parts)
+    rises = first < second < third < last or first > second > third > last
+    if not rises or abs(last - first) < RUNS_APART_NS:
+        return median_low(seen)
+    return min(max(last + (last - third) // 2, min(parts[-1])), max(parts[-1]))

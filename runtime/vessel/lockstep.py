@@ -88,6 +88,7 @@ class SteppedRuntime:
         if topic not in self._inputs:
             return b""
         self._now_s = now_s
+        self.publisher.came(topic, payload)
         begin_ns = time.perf_counter_ns()
         out, explanation = self.vessel.handle(Received(topic, payload, 0), now_s), None
         if out.decision is not None:
@@ -96,7 +97,7 @@ class SteppedRuntime:
             if self.publisher.has_listeners:
                 explanation = self.vessel.explain(out.decision)
         self.publisher.publish(out, explanation)
-        return out.mavlink
+        return out.autopilot
 
     def exchange(self, data: bytes, now_s: float) -> bytes:
         """Take in MAVLink bytes, and give those that answer them."""
@@ -104,7 +105,7 @@ class SteppedRuntime:
         self.publisher.publish(self.vessel.receive(data, now_s))
         out = self.vessel.tick(now_s)
         self.publisher.publish(out)
-        return out.mavlink
+        return out.autopilot
 
     def summary(self) -> RunSummary:
         """Say what happened so far."""

@@ -58,7 +58,7 @@ class Taken:
 class Outputs:
     """What came of a message, or of a tick."""
 
-    mavlink: bytes = b""
+    autopilot: bytes = b""
     """Bytes for the autopilot, to be sent first."""
     messages: list[Taken] = field(default_factory=list)
     """What was taken in, in this order."""
@@ -67,7 +67,7 @@ class Outputs:
     decision: Decision | None = None
     """The decision, if the message was a scan that could be used."""
     thrust: Float64 = field(default_factory=lambda: NEUTRAL)
-    """[N] (2,) What `mavlink` asks of the propellers, left and right."""
+    """[N] (2,) What `autopilot` asks of the propellers, left and right."""
 
 
 class Publisher:
@@ -103,6 +103,7 @@ class Publisher:
         self._hash = DecisionHash()
         self._path = SailedPath()
         self._state_ns: int | None = None
+        self._came: bytes | None = None
         self._recorder_losses, self._bus_losses = Losses(), Losses()
         self.has_listeners = bus is not None or recorder is not None
         """Whether anything is published or recorded."""
@@ -111,6 +112,11 @@ class Publisher:
     def sha256(self) -> str:
         """SHA-256 over the encoded decisions so far."""
         return self._hash.hexdigest()
+
+    def came(self, topic: str, payload: bytes) -> None:
+        """Record a message before it is handled: what brings a runtime down is in its recording."""
+        self._record(topic, payload)
+        self._came = payload
 
     def publish(self, out: Outputs, explanation: Explanation | None = None) -> None:
         """Publish and record what came of a message or a tick, and why it was so decided."""
@@ -165,7 +171,7 @@ class Publisher:
             return
         if taken.made_here:
             self._put(taken.topic, taken.payload)
-        else:
+        elif taken.payload is not self._came:
             self._record(taken.topic, taken.payload)
         if isinstance(taken.message, Odometry):
             if self._recorder is not None and self._frames is not None:

@@ -13,7 +13,6 @@ import numpy as np
 from twinscrew.runtime.errors import PolicyError, TwinscrewError
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
-    OBSERVED_OBJECTS,
     Decision,
     Float64,
     Goal,
@@ -27,7 +26,7 @@ from twinscrew.runtime.messages.types import (
 from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.policy.load import Policy, load_policy
 from twinscrew.runtime.policy.metadata import PolicyExpectation
-from twinscrew.runtime.policy.observation import ObservationSettings, observe
+from twinscrew.runtime.policy.observation import ObservationSettings, nothing_seen, observe
 from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.events import (
     ASSURANCE_INTERVENED,
@@ -217,12 +216,7 @@ class Pipeline:
 
     def warm_up(self) -> None:
         """Ask the policy once for nothing: its first answer takes longest."""
-        blank = Observation(
-            ego=np.zeros(7, dtype=np.float32),
-            objects=np.zeros((OBSERVED_OBJECTS, 5), dtype=np.float32),
-            mask=np.zeros(OBSERVED_OBJECTS, dtype=np.float32),
-        )
-        self.policy.act(blank)
+        self.policy.act(nothing_seen(self.policy.shown))
         self.policy.reset()
 
     def _perceive(self, cloud: PointCloud, odometry: Odometry) -> tuple[Objects, Fault | None]:
@@ -247,7 +241,9 @@ class Pipeline:
         """Ask the policy if a decision is due, and let the assurance check every thrust."""
         before, observation = self._thrust, None
         if self._schedule.is_due(odometry.stamp_ns):
-            observation = observe(odometry, goal, tracks, before, self._observation)
+            observation = observe(
+                odometry, goal, tracks, before, self._observation, self.policy.shown
+            )
             try:
                 self._rate = self.policy.act(observation)
             except PolicyError as error:

@@ -21,7 +21,7 @@ from typing import Final, ParamSpec, TypeVar
 from twinscrew.runtime.bus.base import Inbox, Received
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import ConfigError, LinkError
-from twinscrew.runtime.link.transport import Transport, await_transport, reopening
+from twinscrew.runtime.link.transport import Transport
 from twinscrew.runtime.messages.types import HealthEvent
 from twinscrew.runtime.recording.recorder import Recorder
 from twinscrew.runtime.safety.events import (
@@ -101,9 +101,10 @@ class Loop:
     def _compute(self, message: Received) -> None:
         if message.topic == "points" and self._vessel.follows_autopilot:
             self._read_autopilot(self._clock())  # a scan wants the newest odometry
+        self._publisher.came(message.topic, message.payload)
         out, explanation = self._vessel.handle(message, self._clock()), None
         if out.decision is not None:
-            self._send(out.mavlink)
+            self._send(out.autopilot)
             latency_ms = self._note_latency(message)
             self._vessel.report.decided(out.decision, latency_ms, self._clock())
             if self._publisher.has_listeners:
@@ -115,7 +116,7 @@ class Loop:
         self._keep_time(now_s)
         self._read_autopilot(now_s)
         out = self._vessel.tick(now_s)
-        self._send(out.mavlink)
+        self._send(out.autopilot)
         self._publisher.publish(out)
         self._publisher.thrust(out.thrust)
         self._report(RECORDER, self._publisher.recorder_trouble())
@@ -237,11 +238,8 @@ def run_vessel(
     folder = Path(config.recording.folder) if config.recording.folder else None
     inbox = Inbox()
     with ExitStack() as stack:
-        connection = config.autopilot.connection
         vessel = make_vessel(config)
-        known = vessel.link.recognises
-        opened = await_transport(connection, config.autopilot.wait_s, stop, known)
-        transport = reopening(connection, opened, known)
+        transport = vessel.link.open(stop)
         stack.callback(transport.close)
         vessel.pipeline.warm_up()
         bus = ZenohBus(config.bus, config.name)

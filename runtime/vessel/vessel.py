@@ -1,8 +1,8 @@
 """One vessel's runtime without its sockets and its clock.
 
-Messages and the autopilot's bytes come in with the time; MAVLink bytes, and what is to be published
-and recorded, go out. `run` drives it in real time, the lock-step driver in simulated time, and
-`replay` feeds it what a recording took in: to the same decisions.
+Messages and the autopilot's bytes come in with the time; bytes for the autopilot, and what is to be
+published and recorded, go out. `run` drives it in real time, the lock-step driver in simulated
+time, and `replay` feeds it what a recording took in: to the same decisions.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.estimation.estimator import Estimator
 from twinscrew.runtime.ground.report import GroundReport
 from twinscrew.runtime.ground.service import GroundService
-from twinscrew.runtime.ground.stations import Stations
-from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotStatus
+from twinscrew.runtime.link.autopilot import Autopilot, AutopilotStatus, make_autopilot
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.navigation import as_read_back
 from twinscrew.runtime.messages.topics import TOPICS
@@ -78,7 +77,7 @@ class Vessel:
     def __init__(
         self,
         pipeline: Pipeline,
-        link: AutopilotLink,
+        link: Autopilot,
         *,
         report: GroundReport | None = None,
         odometry: OdometryBufferSettings | None = None,
@@ -180,7 +179,7 @@ class Vessel:
         """Look at the inputs' ages and the autopilot, serve ground stations, command the thrust."""
         out = Outputs()
         self._look(now_s)
-        stamp_ns = self.stamp_ns
+        stamp_ns = self.inputs.latest_ns
         link_events = (replace(event, stamp_ns=stamp_ns) for event in self.link.events(now_s))
         out.events += (*self._watchdog.check(now_s, stamp_ns), *link_events)
         self.note(tuple(out.events), now_s)
@@ -207,7 +206,7 @@ class Vessel:
         return self.link.command(NEUTRAL, now_s)
 
     def rest(self, now_s: float) -> bytes:
-        """Give the last MAVLink bytes of a run: propellers at stop."""
+        """Give the last bytes of a run: propellers at stop."""
         self.engaged = False
         return self.link.command(NEUTRAL, now_s) + self.link.tick(now_s)
 
@@ -238,14 +237,14 @@ class Vessel:
         try:
             self._handlers[topic](taken, out, now_s)
         except MessageError as error:
-            self._tell(out, now_s, BAD_MESSAGE.at(self.stamp_ns, f"{topic}: {error}"))
+            self._tell(out, now_s, BAD_MESSAGE.at(self.inputs.latest_ns, f"{topic}: {error}"))
         except Exception as error:  # must stop the boat, not the loop
             self._fault = True
             self.pipeline.reset()
             if topic in SENSED and self._estimator is not None:
                 self._estimator.restart()
             detail = f"{topic}: {type(error).__name__}: {error}"
-            self._tell(out, now_s, INTERNAL_ERROR.at(self.stamp_ns, detail))
+            self._tell(out, now_s, INTERNAL_ERROR.at(self.inputs.latest_ns, detail))
 
     def _scan(self, taken: Taken, out: Outputs, now_s: float) -> None:
         taken.message = cloud = cdr.decode_point_cloud(taken.payload)
@@ -280,7 +279,7 @@ class Vessel:
         try:
             payload, odometry = cdr.encode_odometry(odometry), as_read_back(odometry)
         except MessageError as error:
-            self._tell(out, now_s, BAD_MESSAGE.at(self.stamp_ns, f"odometry: {error}"))
+            self._tell(out, now_s, BAD_MESSAGE.at(self.inputs.latest_ns, f"odometry: {error}"))
             return
         self._take(Taken("odometry", payload, odometry, made_here=True), out, now_s)
 
@@ -320,7 +319,7 @@ class Vessel:
         """Note who drives: an input of the decisions like any other, so it is recorded."""
         if engaged == self.engaged:
             return
-        message = Engagement(stamp_ns=self.stamp_ns, engaged=engaged)
+        message = Engagement(stamp_ns=self.inputs.latest_ns, engaged=engaged)
         payload = cdr.encode_engagement(message)
         self.engaged = engaged
         out.messages.append(Taken("engagement", payload, message, made_here=True))
@@ -331,14 +330,14 @@ class Vessel:
         On inputs that are too old the thrust is neutral, and nothing is asked of the autopilot,
         whatever the last `tick` found.
         """
-        out.thrust, tripped = self._guard.check(self.thrust, self.stamp_ns)
+        out.thrust, tripped = self._guard.check(self.thrust, self.inputs.latest_ns)
         if tripped is not None:
             self._fault = True  # neutral until the next decision
             self._tell(out, now_s, tripped)
-        nothing_to_do = self.state is State.READY and not self.pipeline.has_task
+        nothing_to_do = self.health.state is State.READY and not self.pipeline.has_task
         wanted = None if nothing_to_do else out.thrust
         asks = not self._inputs_too_old
-        out.mavlink = self.link.command(wanted, now_s) + self.link.tick(now_s, may_ask=asks)
+        out.autopilot = self.link.command(wanted, now_s) + self.link.tick(now_s, may_ask=asks)
 
     def _tell(self, out: Outputs, now_s: float, *events: HealthEvent) -> None:
         if events:
@@ -375,11 +374,9 @@ def make_vessel(
         Something configured does not exist or cannot be used: before anything moves.
     """
     autopilot, source = autopilot_of(config), config.odometry_source
-    us = (autopilot.system_id, autopilot.component_id)
-    stations = Stations(config.ground.orders, autopilot.datum, us)
     return Vessel(
         pipeline or make_pipeline(config),
-        AutopilotLink(autopilot, stations=stations),
+        make_autopilot(autopilot, config.ground.orders),
         report=GroundReport(
             config.ground,
             autopilot.datum,

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Protocol
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
-from twinscrew.hil_sim.autopilot.rover import RoverSettings
+from twinscrew.hil_sim.autopilot.rover import Rover, RoverSettings
 from twinscrew.hil_sim.autopilot.udp import AutopilotOnTheNet
 from twinscrew.hil_sim.bridges.ardupilot_process import Instance
 from twinscrew.runtime.errors import LinkError
@@ -47,7 +47,7 @@ class Ours:
     """Our simulated autopilot behind two UDP sockets, in simulated time."""
 
     def __init__(self) -> None:
-        rover = RoverSettings(arming_delay_s=5.0)
+        rover = RoverSettings(arming_delay_s=5.0, calibrated=False)
         lines = [UdpTransport("127.0.0.1", 0, listens=True) for _ in range(2)]
         autopilot = RoverAutopilot(RoverAutopilotSettings(rover=rover), SYSTEM, ports=2)
         self._net = AutopilotOnTheNet(autopilot, *lines)
@@ -55,6 +55,11 @@ class Ours:
             open_transport(f"udpout:127.0.0.1:{line.port}") for line in lines
         )
         self.now_s = 0.0
+
+    @property
+    def rover(self) -> Rover:
+        """What is behind the sockets."""
+        return self._net.autopilot.rover
 
     def wait(self) -> None:
         """Let 20 ms of its time pass; they take none of ours."""

@@ -10,10 +10,16 @@ from tests.conformance.endpoints import SYSTEM, Endpoint
 from twinscrew.runtime.mavlink import Message, Wire
 
 MANUAL, HOLD = 0, 4
-ARM, SET_MODE, SET_SERVO, INTERVAL, REQUEST_MESSAGE = 400, 176, 183, 511, 512
+ARM, SET_MODE, SET_SERVO, INTERVAL, REQUEST_MESSAGE, CALIBRATE = 400, 176, 183, 511, 512, 241
 HEARTBEAT_S, PADDLES_S = 1.0, 0.05
 ARMING_LIMIT_S = 90.0
 """[s] A real one refuses for about 20 s after it starts."""
+PATIENCE_S = 6.0
+"""[s] A refusal that waiting does not mend ends a step after so long."""
+PASSES = ("AHRS", "EKF", "GPS", "Gyros", "Initialis", "Waiting", "Radio failsafe", "position")
+"""Reasons that pass by themselves hold one of these words; all others need somebody."""
+NEEDS_CALIBRATION = "Accel calibration needed"
+CALIBRATION_LIMIT_S = 30.0
 
 
 class Station:
@@ -77,11 +83,13 @@ class Station:
         """Wait for the next message of the autopilot of a kind."""
         return self.until(lambda m: m.get_type() == kind and m.get_srcComponent() == 1, limit_s)
 
-    def command(self, command: int, *params: float) -> int:
+    def command(self, command: int, *params: float, limit_s: float = 10.0) -> int:
         """Send a command; gives its result."""
         padded = [*params, *[0.0] * (7 - len(params))]
         self.send(mavlink.MAVLink_command_long_message(SYSTEM, 1, command, 0, *padded))
-        answer = self.until(lambda m: m.get_type() == "COMMAND_ACK" and m.command == command)
+        answer = self.until(
+            lambda m: m.get_type() == "COMMAND_ACK" and m.command == command, limit_s
+        )
         return int(answer.result)
 
     def outputs(self, settle_s: float = 0.3) -> tuple[int, int]:
@@ -111,12 +119,31 @@ class Station:
         assert self.command(INTERVAL, mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW, 20_000) == 0
         self.outputs()
         assert self.command(SET_MODE, 1, MANUAL) == 0
-        begin_s = self.now_s
-        while (result := self.command(ARM, 1)) != 0:
+        begin_s = lasting_s = self.now_s
+        while True:
+            self.heard.clear()
+            if (result := self.command(ARM, 1)) == 0:
+                return self
             assert result == 4, f"a refusal to arm is MAV_RESULT_FAILED, not {result}"
-            assert self.now_s - begin_s < ARMING_LIMIT_S, f"not armed after {ARMING_LIMIT_S} s"
             self.outputs(settle_s=1.0)
-        return self
+            reasons = self.reasons()
+            if any(NEEDS_CALIBRATION in reason for reason in reasons):
+                self.calibrate()
+            if any(word in reason for word in PASSES for reason in reasons):
+                lasting_s = self.now_s
+            waited_s, words = self.now_s - begin_s, "; ".join(reasons) or "without a word"
+            assert self.now_s - lasting_s < PATIENCE_S, f"it does not arm: {words}"
+            assert waited_s < ARMING_LIMIT_S, f"not armed after {ARMING_LIMIT_S} s: {words}"
+
+    def reasons(self) -> list[str]:
+        """Give why it did not arm, in its own words."""
+        texts = {m.text for m in self.heard if m.get_type() == "STATUSTEXT"}
+        return sorted(text for text in texts if text.startswith(("Arm:", "PreArm:")))
+
+    def calibrate(self) -> None:
+        """Calibrate the accelerometers in one position, as the boat lies: level and at rest."""
+        result = self.command(CALIBRATE, 0, 0, 0, 0, 4, limit_s=CALIBRATION_LIMIT_S)
+        assert result == 0, f"the accelerometers could not be calibrated: result {result}"
 
 
 def override(left: int, right: int) -> Message:

@@ -31,6 +31,7 @@ from twinscrew.runtime.link.ardupilot.parameters import read_parm
 from twinscrew.runtime.messages.types import Odometry
 
 AGAIN_S = 1.0
+MEMORY = Path("eeprom.bin")
 LONGEST_S = 0.1
 EARTH_RADIUS_M = 6_378_100.0
 """[m] ArduPilot's earth."""
@@ -85,12 +86,12 @@ class Peer:
         rate_hz: int,
         arming_s: float,
     ) -> None:
-        values = read_parm(parameters) | wrong
+        values = read_parm(parameters) | wrong | (read_parm(MEMORY) if MEMORY.exists() else {})
         system_id = int(values["SYSID_THISMAV"])
         known = Parameters(system_id, {})
         changes = {n: v for n, v in values.items() if math.isfinite(known.get(n, math.nan))}
         self.rate_hz = rate_hz
-        self.count = 0
+        self.count = self.changes = 0
         self.time_s = 0.0
         self.told_s = 0.0
         self.udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -99,7 +100,7 @@ class Peer:
             self.tcp, _ = server.accept()  # SERIAL0 is tcp:0:wait
         self.tcp.setblocking(False)
         self.begin = self.pass_time().position
-        rover = RoverSettings(arming_delay_s=arming_s, parameters=changes)
+        rover = RoverSettings(arming_delay_s=arming_s, parameters=changes, calibrated=False)
         settings = RoverAutopilotSettings(rover=rover)
         self.pilot = RoverAutopilot(settings, system_id, place_of(home, self.begin))
 
@@ -107,9 +108,17 @@ class Peer:
         """Let the time of a frame pass, and the autopilot do what it does in it."""
         sensors = self.pass_time()
         self.pilot.receive(self.heard(), self.time_s)
+        self.remember(self.pilot.rover.parameters)
         answer = self.pilot.step(self.time_s, self.odometry(sensors))
         if answer:
             self.tcp.send(answer)
+
+    def remember(self, parameters: Parameters) -> None:
+        """Keep what was written, as the real one does in its eeprom.bin."""
+        if parameters.changes != self.changes:
+            self.changes = parameters.changes
+            lines = [f"{name} {parameters[name]:g}\n" for name in parameters.written]
+            MEMORY.write_text("".join(lines))
 
     def pass_time(self) -> Sensors:
         """Ask for a frame, wait for its answer, let the time pass that it tells."""
@@ -178,6 +187,8 @@ def main() -> None:
         given[at : at + 2] = [f"--home={given[at + 1]}"]
     parser.add_argument("--wrong", action="append", default=[], help="NAME=VALUE")
     words = parser.parse_args(given)
+    if words.wipe:
+        MEMORY.unlink(missing_ok=True)
     wrong = {name: float(value) for name, value in (word.split("=") for word in words.wrong)}
     assert words.model == "JSON:127.0.0.1"
     peer = Peer(words.instance, words.defaults, wrong, words.home, words.rate, words.arming_delay)

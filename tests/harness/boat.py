@@ -180,7 +180,7 @@ class Boat:
         """Hand a payload to the vessel, as the loop does."""
         out = self.vessel.handle(Received(topic, payload, 0), self.now_s)
         if out.decision is not None:
-            self._send(out.mavlink)
+            self._send(out.autopilot)
         self._note(out.events)
         return out
 
@@ -225,7 +225,7 @@ class Boat:
         self._note(self.vessel.receive(said, self.now_s).events)
         out = self.vessel.tick(self.now_s)
         self._note(out.events)
-        self._send(out.mavlink)
+        self._send(out.autopilot)
         self.thrusts.append((self.now_s, self.thrust))
 
     def _sense(self) -> None:

@@ -15,11 +15,10 @@ from twinscrew.hil_sim.sensors.navigation import (
     TriadSettings,
 )
 from twinscrew.hil_sim.vessel.state import VesselState
-from twinscrew.runtime.datum import Datum
+from twinscrew.runtime.datum import Datum, LocalFrame, Place
 from twinscrew.runtime.estimation.estimator import EstimationSettings, Estimator
 from twinscrew.runtime.estimation.inertial import euler_rates, rotation
 from twinscrew.runtime.estimation.sensors import SensorSettings
-from twinscrew.runtime.estimation.wgs84 import LocalFrame, Place
 from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages.types import Fix, Float64, HealthEvent, Imu, Odometry
 

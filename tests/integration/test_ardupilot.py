@@ -130,6 +130,17 @@ def test_write_params_puts_it_right(tmp_path) -> None:
     assert written == ["MOT_SLEWRATE was 50, is 0 now"]
 
 
+def test_what_was_written_lasts_where_a_memory_is_kept(tmp_path) -> None:
+    binary = executable(
+        tmp_path / "ardurover", PEER.replace('"$@"', '"$@" --wrong MOT_SLEWRATE=50')
+    )
+    short = ("--vessels", 1, "--max-time", 1, "--ardupilot-memory", tmp_path / "memory")
+    sail(binary, tmp_path / "first", *short, "--write-params")
+    sail(binary, tmp_path / "second", *short)
+    told = {event.name for event in diagnostics_of(tmp_path / "second")}
+    assert not told & {"parameters_wrong", "parameters_written"}
+
+
 def diagnostics_of(run: Path) -> list:
     (recording,) = find_recordings(run)
     messages = recording.messages(("diagnostics",))

@@ -26,6 +26,28 @@ def station(request, tmp_path_factory):
     endpoint.close()
 
 
+@pytest.fixture
+def ours():
+    endpoint = Ours()
+    yield endpoint
+    endpoint.close()
+
+
+def test_accelerometers_that_are_not_calibrated_are_calibrated(ours) -> None:
+    ours.wait()
+    assert not ours.rover.arm()
+    assert ours.rover.refusal == "Arm: 3D Accel calibration needed"
+    Station(ours).ready()
+    assert ours.rover.armed
+
+
+def test_a_refusal_that_does_not_pass_ends_a_step_in_seconds_with_the_autopilots_words(ours):
+    ours.rover.parameters.set("RC3_TRIM", 1600.0)
+    with pytest.raises(AssertionError, match=r"does not arm: Arm: Throttle \(RC3\) is not neutral"):
+        Station(ours).ready()
+    assert ours.now_s < 20.0
+
+
 @pytest.mark.parametrize("step", STEPS, ids=lambda step: step.__name__)
 def test_it_does_what_was_seen_on_the_real_one(station, step) -> None:
     step(station)

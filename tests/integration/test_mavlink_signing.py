@@ -5,16 +5,19 @@ who can send from the autopilot's own address and has heard everything that it s
 """
 
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from tests.harness.commands import twinscrew
 from tests.harness.waiting import wait_until
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.rover import Mode
+from twinscrew.hil_sim.autopilot.udp import AutopilotOnTheNet
 from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.link.transport import UdpTransport
 from twinscrew.runtime.mavlink import Signing, Wire, read_key
@@ -227,3 +230,51 @@ def test_a_frame_that_claims_more_than_it_has_is_refused(under_way: Sea) -> None
     under_way.sail(3.0)
     assert under_way.link.status.mode == "MANUAL"
     assert under_way.autopilot.thrust_command_N().tolist() == [400.0, 400.0]
+
+
+class OnTheNet(threading.Thread):
+    """A simulated autopilot behind a UDP port, in real time."""
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+        self.line = UdpTransport(LOOPBACK, 0, listens=True)
+        self.pilot = RoverAutopilot(RoverAutopilotSettings(), 1)
+        self.over = threading.Event()
+
+    def run(self) -> None:
+        net = AutopilotOnTheNet(self.pilot, self.line)
+        begin_s = time.monotonic()
+        while not self.over.wait(0.02):
+            net.step(time.monotonic() - begin_s, None)
+        net.close()
+
+
+@pytest.fixture
+def on_the_net() -> Iterator[OnTheNet]:
+    thread = OnTheNet()
+    thread.start()
+    yield thread
+    thread.over.set()
+    thread.join()
+
+
+def test_a_key_is_made_and_put_into_an_autopilot_by_two_commands(on_the_net, tmp_path) -> None:
+    key, connection = tmp_path / "mavlink.key", f"udpout:{LOOPBACK}:{on_the_net.line.port}"
+    words = ("signing", "setup", "--key", key, "--connection", connection)
+    assert twinscrew("signing", "make", key).returncode == 0
+    assert key.stat().st_mode & 0o777 == 0o600
+    assert twinscrew("signing", "make", key).returncode == 2  # it is there: nothing is written over
+    asked = twinscrew(*words)
+    assert asked.returncode != 0
+    assert f"in the clear over {connection}" in asked.stdout + asked.stderr
+    assert not on_the_net.pilot.wire.signs
+    done = twinscrew(*words, "--yes")
+    assert (done.returncode, done.stdout) == (0, "the autopilot signs with the key\n"), done.stderr
+    assert on_the_net.pilot.wire.signs
+    again = twinscrew(*words, "--yes")
+    assert again.stdout == "the autopilot has this key already\n"
+    other = tmp_path / "other.key"
+    twinscrew("signing", "make", other)
+    refused = twinscrew(*words[:3], other, *words[4:], "--yes")
+    assert refused.returncode == 2
+    assert "signs already, with another key: give it as --old-key" in refused.stderr

@@ -117,7 +117,7 @@ def water_of(sights: np.ndarray, **other: object) -> FreeWater:
         "down": [0.0, 0.0, 1.0],
         "least": -math.inf,
     }
-    return FreeWater(sights=sights, **{**told, **other})  # type: ignore[arg-type]
+    return FreeWater(boundary=sights, **{**told, **other})  # type: ignore[arg-type]
 
 
 @given(

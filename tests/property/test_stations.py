@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.datum import Datum
-from twinscrew.runtime.ground.orders import GoTo, OrderSettings, Relative, Sail
+from twinscrew.runtime.ground.orders import FollowRoute, GoTo, OrderSettings, Relative
 from twinscrew.runtime.ground.stations import Stations
 from twinscrew.runtime.mavlink import Wire
 
@@ -75,6 +75,6 @@ def test_nothing_that_is_said_breaks_it_and_no_goal_is_out_of_reach(said) -> Non
             assert math.hypot(order.x_m, order.y_m) <= limits.reach_m
         elif isinstance(order, GoTo):
             assert math.isfinite(order.x_m + order.y_m)
-        elif isinstance(order, Sail):
+        elif isinstance(order, FollowRoute):
             assert order.way
             assert all(math.hypot(w.north_m, w.east_m) <= limits.reach_m for w in order.way)

@@ -119,16 +119,16 @@ def worst_contact(
     closing = (gap[:-1] - gap[1:]) / dt
     allowed = approach_per_s * np.maximum(gap[1:], -0.2)
     weight = 1.0 - dt * np.arange(1, steps + 1)[:, None, None] / (circles.horizon_s + dt)
-    harm = np.where(gap[1:] < margin_m, (closing - allowed) * np.maximum(weight, 0.0), 0.0)
-    harmful = (harm > 0.0).any(axis=(1, 2))
+    excess = np.where(gap[1:] < margin_m, (closing - allowed) * np.maximum(weight, 0.0), 0.0)
+    harmful = (excess > 0.0).any(axis=(1, 2))
     if not harmful.any():
         return NO_CONTACT
     first = int(np.argmax(harmful))
-    _, k = divmod(int(np.argmax(harm[first])), len(circles.id))
+    _, k = divmod(int(np.argmax(excess[first])), len(circles.id))
     x, y, heading = path[first + 1]
     there = circles.p_L[k] + (first + 1) * dt * circles.v_L[k] - (x, y)
     return Contact(
-        harm=float(harm.max() + 1.0 * dt * np.maximum(harm, 0.0).max(axis=(1, 2)).sum()),
+        excess=float(excess.max() + 1.0 * dt * np.maximum(excess, 0.0).max(axis=(1, 2)).sum()),
         time_s=(first + 1) * dt,
         speed_mps=float(closing[first, :, k].max()),
         track=circles.id[k],

@@ -264,6 +264,7 @@ class Authority:
         """Whether `FAILSAFE_PARAMETERS` are known to be right."""
         self._critical = False
         self._doubtful = False
+        self._restarted = False  # and no heartbeat since: it takes no mode yet
         self._frames = FrameNumbers()
         self._uptimes = {1e-3: Uptime(_UINT32 * 1e-3), 1e-6: Uptime(_UINT32 * 1e-6)}
         self._uptime_known = False
@@ -291,7 +292,7 @@ class Authority:
     @property
     def asks_manual(self) -> bool:
         """Whether to ask for MANUAL now."""
-        if self.mode in (MANUAL, INITIALISING) or self._doubtful:
+        if self.mode in (MANUAL, INITIALISING) or self._doubtful or self._restarted:
             return False
         if self.holder is Holder.OFFERED:
             return self._ask_manual is not AskManual.NEVER
@@ -318,7 +319,8 @@ class Authority:
             heard = self._manual(broken, now_s)
         else:
             heard = self._input(mode, armed, critical, missed, now_s)
-        self.mode, self._critical, self._doubtful = mode, critical, False
+        self.mode, self._critical = mode, critical
+        self._doubtful = self._restarted = False
         self.note_armed(armed)
         self._other_mode_seen = mode not in (MANUAL, INITIALISING) and self._uptime_known
         self._follow(heard)
@@ -343,6 +345,7 @@ class Authority:
         if same is None:
             return False
         self._uptime_known = same
+        self._restarted |= not same
         self._other_mode_seen &= same
         self._follow(Input.SAME_START if same else Input.RESTART)
         return not same

@@ -33,8 +33,7 @@ class Retried:
         self._last_s = -math.inf
         self.refusal: int | None = None
         """MAV_RESULT of the last refusal; None if there was none, or it was accepted since."""
-        self.reason = ""
-        """Why, in the autopilot's own words; empty if it said nothing."""
+        self._reasons: dict[str, float] = {}
 
     def ask(self, now_s: float) -> list[Message]:
         """Give the command if it is time for the next try."""
@@ -47,7 +46,25 @@ class Retried:
         """Take the answer, a MAV_RESULT."""
         self.refusal = None if result == 0 else result
         if result == 0:
-            self.reason = ""
+            self._reasons = {}
+
+    def explained(self, words: str, now_s: float) -> None:
+        """Take the autopilot's own words about a refusal; it may have several reasons.
+
+        A text that comes in chunks is given again with each of them.
+        """
+        kept_s = now_s - 3.0 * self._every_s
+        self._reasons = {
+            text: at_s
+            for text, at_s in self._reasons.items()
+            if at_s >= kept_s and not words.startswith(text)
+        }
+        self._reasons[words] = now_s
+
+    @property
+    def reason(self) -> str:
+        """Why it was refused, in the autopilot's own words; empty if it said nothing."""
+        return "; ".join(sorted(self._reasons))
 
 
 # -- The messages that the link sends, and the times that it keeps.

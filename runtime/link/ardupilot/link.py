@@ -7,18 +7,27 @@ replay. docs/mavlink.md says what is sent when, and what a pilot can do.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from twinscrew.runtime.ground.orders import OrderSettings
 from twinscrew.runtime.ground.stations import Stations
 from twinscrew.runtime.link.ardupilot import commands
 from twinscrew.runtime.link.ardupilot.authority import mode_name
 from twinscrew.runtime.link.ardupilot.listener import Listener, Trials
 from twinscrew.runtime.link.ardupilot.parameters import GCS_ID, OTHER_NAMES, ParameterState
 from twinscrew.runtime.link.ardupilot.settings import AutopilotSettings
-from twinscrew.runtime.link.ardupilot.thrust import RELEASED, STOP, LettingGo, Pair, Thrust, paddles
-from twinscrew.runtime.mavlink import Message, Signing, Wire, read_key
+from twinscrew.runtime.link.ardupilot.thrust import (
+    RELEASED,
+    STOP,
+    ChannelRelease,
+    Pair,
+    Thrust,
+    paddles,
+)
+from twinscrew.runtime.link.transport import Transport, await_transport, reopening
+from twinscrew.runtime.mavlink import Message, Refusal, Signing, Wire, read_key
 from twinscrew.runtime.messages.types import HealthEvent, Odometry, Severity
 from twinscrew.runtime.safety.events import (
     ARMING_REFUSED,
@@ -39,9 +48,6 @@ from twinscrew.runtime.safety.events import (
     WRONG_VEHICLE,
     EventKind,
 )
-
-# -- The health events of the autopilot link, by name; docs/mavlink.md tells what each one means.
-
 
 # -- What the link knows of the autopilot, as one frozen record.
 
@@ -75,6 +81,10 @@ class AutopilotStatus:
     """[-] Frames refused so far: damaged, or not signed as they should be."""
     old_frames: int
     """[-] Frames of MAVLink 1 that came; ArduPilot sends them until it hears MAVLink 2."""
+    refusal: Refusal | None
+    """Why most of the refused frames of the autopilot were refused, if they were whole."""
+    hears_signed: bool
+    """Whether it signs what it sends."""
     parameters_wrong: tuple[str, ...]
     """Words about each parameter that is not what it must be."""
     parameters_unsafe: tuple[str, ...]
@@ -105,7 +115,9 @@ Holding = dict[EventKind, str]
 """The conditions that hold now, each with its detail in plain words."""
 
 
-TOLD_AGAIN = frozenset({MODE_TAKEN, PARAMETERS_WRONG, PARAMETERS_UNSAFE, OVERRIDE_IGNORED})
+TOLD_AGAIN = frozenset(
+    {MODE_TAKEN, PARAMETERS_WRONG, PARAMETERS_UNSAFE, OVERRIDE_IGNORED, ARMING_REFUSED}
+)
 """Conditions whose words matter: an event follows whenever they change."""
 
 
@@ -198,17 +210,12 @@ def _silence(status: AutopilotStatus) -> str:
         return f"last message {status.message_age_s:.1f} s ago"
     if status.old_frames:
         return "it speaks MAVLink 1: set SERIALx_PROTOCOL to 2"
+    if status.refusal is not None:
+        return f"its frames are refused: {status.refusal.value}"
     if status.bad_frames:
-        return f"{status.bad_frames} frames refused: damaged, or signed with another key"
+        return f"{status.bad_frames} frames refused: damaged"
     return "nothing heard yet"
 
-
-# -- The companion's side of the MAVLink connection to an ArduPilot boat.
-#
-# Bytes in, bytes out, time as an argument: the same code runs on a socket, in lock-step and in a
-# replay. The loop that owns it calls `receive` with what came, `tick` to keep the conversation
-# going (its heartbeat must come from the working loop: a dead loop falls silent), `command` at 20
-# Hz. docs/mavlink.md tells what is sent when, and what a pilot can do.
 
 __all__ = ["AutopilotLink", "AutopilotSettings", "AutopilotStatus"]
 
@@ -245,7 +252,7 @@ class AutopilotLink:
         self.stations = stations
         self._listener = Listener(settings)
         self._conditions = Conditions()
-        self._letting_go = LettingGo()
+        self._release = ChannelRelease()
         self._trials = Trials()
         self._words = 0
         self._outbox: list[Message] = []
@@ -254,6 +261,12 @@ class AutopilotLink:
         self._now_s = self._beat_s = self._commanded_s = -math.inf
         self._first_command_s = math.inf
 
+    def open(self, stop: Callable[[], bool]) -> Transport:
+        """Open the connection, and keep it open: it is opened again when it breaks."""
+        connection, known = self.settings.connection, self.wire.recognises
+        opened = await_transport(connection, self.settings.wait_s, stop, known)
+        return reopening(connection, opened, known)
+
     def receive(self, data: bytes, now_s: float) -> None:
         """Take bytes from the autopilot; whatever they are, it never raises."""
         self._now_s = now_s
@@ -261,10 +274,6 @@ class AutopilotLink:
             if not self._listener.take(message, now_s) and self.stations is not None:
                 self.stations.take(message, now_s)
         self._judge_obedience(now_s)
-
-    def recognises(self, datagram: bytes) -> bool:
-        """Tell whether a datagram is our autopilot's: see `Wire.recognises`."""
-        return self.wire.recognises(datagram)
 
     def tick(self, now_s: float, *, may_ask: bool = True) -> bytes:
         """Give what keeps the conversation going: heartbeat, requests, texts.
@@ -316,9 +325,9 @@ class AutopilotLink:
         self._first_command_s = min(self._first_command_s, now_s)
         if self._is_the_pilots(nothing_wanted=thrust is None):
             self._listener.obedience.reset()
-            pair = self._letting_go.let_go(now_s)
+            pair = self._release.let_go(now_s)
             return b"" if pair is None else self._override(pair)
-        self._letting_go.hold()
+        self._release.hold()
         acts = thrust is not None and self._engaged(now_s)
         pair = paddles(thrust, self.settings.paddles) if acts and thrust is not None else STOP
         if self._listener.authority.drives:
@@ -366,6 +375,11 @@ class AutopilotLink:
         self._outbox.append(commands.disarm(self.settings.system_id))
 
     @property
+    def signs(self) -> bool:
+        """Whether we sign what we send, and refuse what is not signed."""
+        return self.wire.signs
+
+    @property
     def odometry(self) -> Odometry | None:
         """The newest odometry made of the autopilot's messages; None if there is none."""
         return self._listener.odometry.newest
@@ -388,6 +402,7 @@ class AutopilotLink:
     def status(self) -> AutopilotStatus:
         """What is known, as of the last call."""
         listener, authority = self._listener, self._listener.authority
+        refused = self.wire.refused
         return AutopilotStatus(
             connected=listener.connected(self._now_s),
             armed=authority.armed,
@@ -402,6 +417,8 @@ class AutopilotLink:
             heartbeat_age_s=self._now_s - listener.heartbeat_s,
             bad_frames=self.wire.bad_frames,
             old_frames=self.wire.old_frames,
+            refusal=max(refused, key=refused.__getitem__) if refused else None,
+            hears_signed=self.wire.hears_signed,
             parameters_wrong=listener.parameters.wrong,
             battery_v=listener.battery[0],
             battery_percent=listener.battery[1],
@@ -455,3 +472,10 @@ class AutopilotLink:
     def _override(self, pair: Pair) -> bytes:
         control = "rc_override" if pair == RELEASED else self.settings.control
         return self.wire.encode(commands.thrust(self.settings.system_id, pair, control))
+
+
+def make(settings: AutopilotSettings, orders: OrderSettings | None) -> AutopilotLink:
+    """Make an ArduPilot's link, by way of which ground stations give orders (`AUTOPILOTS`)."""
+    us = (settings.system_id, settings.component_id)
+    stations = None if orders is None else Stations(orders, settings.datum, us)
+    return AutopilotLink(settings, stations=stations)

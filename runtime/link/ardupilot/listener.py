@@ -9,7 +9,12 @@ from collections.abc import Callable, Hashable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.link.ardupilot import commands
-from twinscrew.runtime.link.ardupilot.authority import FAILSAFE_PARAMETERS, MANUAL, Authority
+from twinscrew.runtime.link.ardupilot.authority import (
+    FAILSAFE_PARAMETERS,
+    INITIALISING,
+    MANUAL,
+    Authority,
+)
 from twinscrew.runtime.link.ardupilot.commands import Retried, Stream
 from twinscrew.runtime.link.ardupilot.odometry import OdometryFromAutopilot
 from twinscrew.runtime.link.ardupilot.parameters import SAFETY, ParameterCheck, expected_parameters
@@ -145,6 +150,10 @@ _TEXTS = 100
 _NO_VOLTAGE = 65535
 _TEXT_LENGTH = 500
 """[-] Nor an endless one."""
+_INITIALISING = frozenset(
+    {mavlink.MAV_STATE_UNINIT, mavlink.MAV_STATE_BOOT, mavlink.MAV_STATE_CALIBRATING}
+)
+"""What a heartbeat says of an autopilot that takes no mode yet, whichever mode it is in."""
 _TELL_UPTIME = frozenset(
     {"ATTITUDE", "LOCAL_POSITION_NED", "GLOBAL_POSITION_INT", "SYSTEM_TIME", "RC_CHANNELS"}
 )
@@ -250,8 +259,9 @@ class Listener:
             and message.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
         )
         drove = self.authority.drives
+        initialising = message.system_status in _INITIALISING
         self.authority.heartbeat(
-            message.custom_mode,
+            INITIALISING if initialising else message.custom_mode,
             now_s,
             armed=_is_armed(message),
             critical=message.system_status == mavlink.MAV_STATE_CRITICAL,
@@ -289,14 +299,14 @@ class Listener:
         elif message.command == mavlink.MAV_CMD_DO_SET_MODE:
             self.manual.answered(message.result)
 
-    def _on_text(self, message: Message, _now_s: float) -> None:
+    def _on_text(self, message: Message, now_s: float) -> None:
         text = message.text
         if message.chunk_seq and message.id == self._chunked and self.texts:
             text = self.texts.pop() + text  # a long text comes in chunks of 50 bytes
         self._chunked = message.id
         self.texts = [*self.texts, text[:_TEXT_LENGTH]][-_TEXTS:]
         if text.startswith(("Arm:", "PreArm:")):
-            self.arming.reason = text
+            self.arming.explained(text, now_s)
 
     def _on_parameter(self, message: Message, _now_s: float) -> None:
         name, value = message.param_id, message.param_value

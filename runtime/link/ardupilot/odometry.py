@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from itertools import pairwise
+from statistics import median_low
 from typing import Final
 
 import numpy as np
@@ -26,6 +28,11 @@ from twinscrew.runtime.messages.types import Float64, Odometry
 # the answer tells the autopilot's time between our question and its arrival, and the fastest
 # question's middle is the best guess. The clocks drift apart by some parts per million: what was
 # seen longer ago counts less (`FORGET`), so that the difference follows.
+#
+# A simulated autopilot may count much more slowly than we do, where the simulation cannot keep up
+# with real time. No delay looks like that: an answer shows the difference to within half of its
+# round trip, so two answers that contradict each other prove that the clocks run apart. Then older
+# measurements are dropped, and the difference is carried on at the rate at which it changes.
 
 
 FORGET = 1e-4
@@ -36,6 +43,10 @@ LONGEST_DELAY_S = 5.0
 """[s] No line is slower: who answers as if it were counts by another clock than its messages."""
 _REBOOT_S = 1.0
 """[s] A time this far back means that the autopilot started again."""
+_FASTEST = 1.0
+"""[s/s] The difference grows no faster: no clock counts backwards."""
+_ANSWERS = 4
+"""[-] The median change from one to the next of so many answers is the rate."""
 
 
 @dataclass(slots=True)
@@ -47,10 +58,30 @@ class _Difference:
     """[s] How good the measurement was: less is better."""
     at_s: float = -math.inf
 
-    def offer(self, value_s: float, error_s: float, now_s: float) -> None:
+    def offer(self, value_s: float, error_s: float, now_s: float, rate: float) -> None:
         """Take a new measurement if it is better than the old one has become."""
-        if error_s <= self.error_s + FORGET * max(0.0, now_s - self.at_s):
+        passed_s = max(0.0, now_s - self.at_s)
+        grown_s = rate * passed_s if math.isfinite(passed_s) else 0.0
+        if error_s <= self.error_s + FORGET * passed_s + max(0.0, grown_s):
             self.value_s, self.error_s, self.at_s = value_s, error_s, now_s
+
+    def now(self, now_s: float, rate: float) -> float:
+        """Give the difference [s] at a time, if it has changed at a rate since."""
+        return self.value_s + rate * max(0.0, now_s - self.at_s) if rate else self.value_s
+
+
+@dataclass(frozen=True, slots=True)
+class _Answer:
+    """What an answered TIMESYNC shows: the difference [s], to within `error_s`, at `at_s`."""
+
+    value_s: float
+    error_s: float
+    at_s: float
+
+    def contradicts(self, other: _Answer) -> bool:
+        """Tell whether the two cannot be of clocks that run at one rate."""
+        drift_s = FORGET * abs(self.at_s - other.at_s)
+        return abs(self.value_s - other.value_s) > self.error_s + other.error_s + drift_s
 
 
 class BootClock:
@@ -60,22 +91,29 @@ class BootClock:
         self._question_ns: int | None = None
         self._asked_s = -math.inf
         self._boot_s = -math.inf
+        self._now_s = -math.inf
+        self._forget()
+
+    def _forget(self) -> None:
         self._one_way = _Difference()
         self._synced = _Difference()
+        self._answers: deque[_Answer] = deque(maxlen=_ANSWERS)
+        self._rate = 0.0
 
     def caller_s(self, boot_s: float) -> float:
         """Give the caller's time [s] of an autopilot's time since boot [s]."""
-        latest_s, synced_s = self._one_way.value_s, self._synced.value_s
+        latest_s = self._one_way.now(self._now_s, self._rate)
+        synced_s = self._synced.now(self._now_s, self._rate)
         apart = math.isfinite(latest_s) and latest_s - synced_s > LONGEST_DELAY_S
         return boot_s + (latest_s if apart else min(latest_s, synced_s))
 
     def heard(self, boot_s: float, now_s: float) -> None:
         """Take the time since boot that a message carries, which came now."""
         if boot_s < self._boot_s - _REBOOT_S:
-            self._one_way, self._synced = _Difference(), _Difference()
-        self._boot_s = boot_s
-        difference_s = now_s - boot_s
-        self._one_way.offer(difference_s, difference_s, now_s)  # the less, the less delay
+            self._forget()
+        self._boot_s, self._now_s = boot_s, now_s
+        difference_s = now_s - boot_s  # the less, the less delay
+        self._one_way.offer(difference_s, difference_s, now_s, self._rate)
 
     def ask(self, now_s: float) -> list[Message]:
         """Give the TIMESYNC question if it is time for one."""
@@ -99,8 +137,27 @@ class BootClock:
         round_trip_s = float(now_s - message.ts1 * 1e-9)
         if round_trip_s >= 0.0:
             middle_s = now_s - round_trip_s / 2
-            self._synced.offer(middle_s - message.tc1 * 1e-9, round_trip_s, now_s)
+            answer = _Answer(middle_s - message.tc1 * 1e-9, round_trip_s / 2, now_s)
+            self._follow(answer)
+            self._synced.offer(answer.value_s, round_trip_s, now_s, 0.0)
         return now_s - round_trip_s
+
+    def _follow(self, answer: _Answer) -> None:
+        """Find whether the clocks run apart, at which rate, and what is not true any more."""
+        known = [*self._answers, answer]
+        self._answers.append(answer)
+        if not any(one.contradicts(answer) for one in known[:-1]):
+            self._rate = 0.0
+            return
+        rates = [
+            (after.value_s - before.value_s) / max(after.at_s - before.at_s, 1e-3)
+            for before, after in pairwise(known)
+        ]
+        self._rate = max(-_FASTEST, min(_FASTEST, median_low(rates))) if len(rates) > 1 else 0.0
+        self._synced = _Difference()
+        if math.isfinite(self._now_s):
+            difference_s = self._now_s - self._boot_s
+            self._one_way = _Difference(difference_s, difference_s, self._now_s)
 
 
 # -- ODOMETRY (331): position, attitude and velocity of one moment in one message.

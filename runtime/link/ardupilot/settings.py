@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from msgspec import Meta
+from msgspec import Meta, field
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.datum import Datum
+from twinscrew.runtime.errors import one_of
 from twinscrew.runtime.link.ardupilot.authority import AskManual
 from twinscrew.runtime.link.ardupilot.thrust import PaddleSettings
+from twinscrew.runtime.link.autopilot import AUTOPILOTS
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
 
 Id = Annotated[int, Meta(ge=1, le=255)]
@@ -20,8 +22,16 @@ SafetyParameter = Literal[
 
 
 class AutopilotSettings(Settings, frozen=True):
-    """The link to the autopilot."""
+    """The autopilot, and the link to it.
 
+    A kind other than ArduPilot reads connection, wait_s and its own options, and says what it makes
+    of the rest.
+    """
+
+    kind: str = "ardupilot"
+    """Which autopilot it is; a name in `runtime/link/autopilot.py`."""
+    options: dict[str, Any] = field(default_factory=dict)
+    """What is particular to another kind than ArduPilot."""
     connection: str = "udpin:127.0.0.1:14550"
     """udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:DEVICE:BAUD."""
     wait_s: NonNegative = 0.0
@@ -70,3 +80,10 @@ class AutopilotSettings(Settings, frozen=True):
     """[s] How long outputs may differ before the link says so."""
     signing_key_file: str = ""
     """File of the signing key, readable by its owner only; empty for no signing."""
+
+    def __post_init__(self) -> None:
+        """Refuse a kind that nobody knows, and what another kind would not read."""
+        if self.kind not in AUTOPILOTS:
+            raise ValueError(f"kind: {one_of(self.kind, AUTOPILOTS)}")
+        if self.kind == "ardupilot" and self.options:
+            raise ValueError("options are another kind's: ArduPilot has keys of its own")

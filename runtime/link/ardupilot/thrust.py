@@ -110,7 +110,7 @@ def paddles(thrust: Thrust, scale: PaddleSettings) -> Pair:
     return pwm_from_thrust(float(thrust[0]), scale), pwm_from_thrust(float(thrust[1]), scale)
 
 
-class LettingGo:
+class ChannelRelease:
     """Stop, then give the channels back, then be silent."""
 
     def __init__(self) -> None:

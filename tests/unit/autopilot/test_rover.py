@@ -218,3 +218,39 @@ def test_a_simulated_receiver_can_be_switched_on():
     sail(boat, since_s=3.5, until_s=4.2, overrides_until_s=0.9)
     assert boat.propellers == (1500, 1500)
     assert boat.mode is Mode.MANUAL
+
+
+def test_uncalibrated_accelerometers_forbid_arming_until_they_are_calibrated() -> None:
+    rover = Rover(RoverSettings(calibrated=False, receiver=True), 1)
+    rover.step(30.0)
+    assert not rover.arm()
+    assert rover.texts[-1] == "Arm: 3D Accel calibration needed"
+    assert rover.calibrate()
+    assert rover.arm()
+    assert not rover.calibrate()
+
+
+def test_while_it_initialises_it_takes_no_mode_and_does_not_arm() -> None:
+    rover = Rover(RoverSettings(initialising_s=2.0, receiver=True), 1)
+    rover.step(1.0)
+    assert rover.mode is Mode.INITIALISING
+    assert not rover.set_mode(Mode.MANUAL)
+    assert rover.texts[-1] == "Flight mode change failed"
+    assert not rover.arm()
+    rover.step(2.0)
+    assert rover.mode is Mode.MANUAL
+    assert rover.arm()
+
+
+def test_in_acro_a_boat_with_way_on_is_neutral_and_then_goes_astern_by_its_own_hand() -> None:
+    rover = Rover(RoverSettings(receiver=True), 1)
+    rover.step(0.0)
+    rover.arm()
+    rover.surge_mps = 2.0
+    rover.set_mode(Mode.ACRO)
+    rover.step(1.2)
+    assert rover.propellers == (1500, 1500)
+    rover.step(1.4)
+    assert max(rover.propellers) < 1300
+    rover.disarm()
+    assert rover.propellers == (1500, 1500)

@@ -8,6 +8,7 @@ from twinscrew.runtime.doctor.checks import Verdict
 from twinscrew.runtime.doctor.listening import judge_autopilot, judge_parameter
 from twinscrew.runtime.link.ardupilot.link import AutopilotLink, AutopilotSettings
 from twinscrew.runtime.link.ardupilot.parameters import ParameterState, expected_parameters
+from twinscrew.runtime.mavlink import Signing
 
 
 def listened(seconds: float, *, write: bool = False, **parameters: float) -> dict:
@@ -59,3 +60,30 @@ def test_a_parameter_that_was_not_answered(missing, verdict, word) -> None:
     line = judge_parameter(ParameterState("FS_ACTION", 2.0, None, missing, None))
     assert line.verdict is verdict
     assert word in line.advice
+
+
+KEY, OTHER_KEY = bytes(range(32)), bytes([9] * 32)
+
+
+@pytest.mark.parametrize(
+    ("theirs", "ours", "found", "advice"),
+    [
+        (OTHER_KEY, KEY, "signed with another key", "signing_key_file is not the autopilot's"),
+        (None, KEY, "not signed with our key, or any", "twinscrew signing setup"),
+        (KEY, None, "it signs what it sends", "give its key"),
+        (KEY, KEY, "mode MANUAL, disarmed", ""),
+    ],
+)
+def test_keys_that_differ_are_named_and_no_cable_is_blamed(theirs, ours, found, advice) -> None:
+    signing = [None if key is None else Signing(key) for key in (theirs, ours)]
+    pilot = RoverAutopilot(RoverAutopilotSettings(), 1, signing=signing[0])
+    link = AutopilotLink(AutopilotSettings(), signing=signing[1])
+    for k in range(40):
+        said = pilot.step(k * 0.05)
+        if ours is None or link.wire.recognises(said):  # as a listening UDP port looks
+            link.receive(said, k * 0.05)
+        pilot.receive(link.command(None, k * 0.05) + link.tick(k * 0.05), k * 0.05)
+    line = judge_autopilot(link)[0]
+    assert found in line.found
+    assert advice in line.advice
+    assert "cable" not in line.advice

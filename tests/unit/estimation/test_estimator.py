@@ -8,9 +8,9 @@ from msgspec.structs import replace as with_settings
 from tests.harness.circling import DATUM, EPOCH_NS, EXACT_GPS, FRAME, Circling, truth
 
 from twinscrew.hil_sim.sensors.navigation import ImuSettings, ReceiverSettings
+from twinscrew.runtime.datum import Place
 from twinscrew.runtime.estimation.estimator import EstimationSettings, odometry
 from twinscrew.runtime.estimation.sensors import AntennaSettings, ImuSample, SensorSettings
-from twinscrew.runtime.estimation.wgs84 import Place
 from twinscrew.runtime.geometry import euler_from_quaternion
 from twinscrew.runtime.perception.sensor import Mount
 

@@ -4,18 +4,22 @@ import pytest
 import torch
 
 from twinscrew.export.onnx_file import (
-    INPUTS,
     OPSET,
     DeployedPolicy,
     example_inputs,
+    inputs_of,
     onnx_bytes,
 )
 from twinscrew.runtime.errors import PolicyError
+from twinscrew.runtime.policy.onnx import graph_inputs
 from twinscrew.runtime.policy.onnx_walk import refuse_foreign_parts
-from twinscrew.training.networks import Actor, NetworkSettings, Pilot, See
+from twinscrew.training.networks import Actor, NetworkSettings, Pilot, See, circles
+from twinscrew.training.perception import PAPER, Layout
 
+EXTENDED = Layout(8, extended=True)
 SMALL = NetworkSettings(ego_width=16, object_width=16, hidden_width=16)
-PAPER = NetworkSettings(kind="paper", normalise=False, hidden_width=16)
+AS_PUBLISHED = NetworkSettings(kind="paper", normalise=False, hidden_width=16)
+OUTLINED = NetworkSettings(kind="outlined", ego_width=16, object_width=16, hidden_width=16)
 
 
 def policy(margin=1.25, settings=SMALL):
@@ -23,7 +27,7 @@ def policy(margin=1.25, settings=SMALL):
     return DeployedPolicy(Pilot(See(settings), Actor(settings), margin), 1000.0)
 
 
-@pytest.fixture(scope="module", params=[SMALL, PAPER], ids=["set", "paper"])
+@pytest.fixture(scope="module", params=[SMALL, AS_PUBLISHED], ids=["set", "paper"])
 def exported(request):
     made = policy(settings=request.param)
     return made, onnx_bytes(made, {"algorithm": "ac_iqn", "answer": "42"})
@@ -38,7 +42,9 @@ def quiet():
 
 def answers(data, inputs, risk=None):
     session = onnxruntime.InferenceSession(data, quiet(), providers=["CPUExecutionProvider"])
-    feed = {name: part.numpy() for name, part in zip(INPUTS, inputs, strict=True)}
+    names = ("ego", "objects", "mask", "outlines", "hull")
+    taken = {node.name for node in graph_inputs(session)}
+    feed = {n: part.numpy() for n, part in zip(names, inputs, strict=False) if n in taken}
     if risk is not None:
         feed["risk"] = risk.numpy()
     return torch.from_numpy(session.run(["thrust_rate"], feed)[0])
@@ -54,14 +60,14 @@ def test_the_graph_answers_as_the_network_for_any_batch(exported, count):
 
 def test_padding_has_no_influence_in_the_graph(exported):
     _, data = exported
-    ego, objects, mask = example_inputs(20, seed=3)
+    ego, objects, mask, *_ = example_inputs(20, seed=3)
     dirty = torch.where(mask[:, :, None] > 0, objects, 1e6)
     assert torch.equal(answers(data, (ego, objects, mask)), answers(data, (ego, dirty, mask)))
 
 
 def test_thrust_rates_keep_within_the_limit(exported):
     _, data = exported
-    ego, objects, mask = example_inputs(200, seed=4)
+    ego, objects, mask, *_ = example_inputs(200, seed=4)
     assert answers(data, (ego * 100, objects, mask)).abs().max() <= 1000.0
 
 
@@ -80,7 +86,7 @@ def test_inputs_and_output_have_their_names_and_shapes(exported):
         return [d.dim_param or d.dim_value for d in value.type.tensor_type.shape.dim]
 
     found = {value.name: shape(value) for value in graph.input}
-    assert found == {name: told["shape"] for name, told in INPUTS.items()}
+    assert found == {name: told["shape"] for name, told in inputs_of(PAPER, None).items()}
     assert {v.name: shape(v) for v in graph.output} == {"thrust_rate": ["N", 2]}
 
 
@@ -94,7 +100,7 @@ def test_metadata_is_in_the_file_and_nothing_of_this_machine(exported):
 
 def test_the_margin_widens_what_is_seen():
     inputs = example_inputs(50, seed=5)
-    wide = (inputs[0], inputs[1] * torch.tensor([1, 1, 1, 1, 1.25]), inputs[2])
+    wide = inputs._replace(objects=inputs.objects * torch.tensor([1, 1, 1, 1, 1.25]))
     with torch.no_grad():
         assert torch.allclose(policy(1.25)(*inputs), policy(1.0)(*wide), atol=1e-3)
         assert not torch.allclose(policy(1.25)(*inputs), policy(1.0)(*inputs), atol=1e-3)
@@ -105,7 +111,7 @@ def test_metadata_must_be_strings():
         onnx_bytes(policy(), {"period": 0.5})
 
 
-@pytest.fixture(scope="module", params=[SMALL, PAPER], ids=["set", "paper"])
+@pytest.fixture(scope="module", params=[SMALL, AS_PUBLISHED], ids=["set", "paper"])
 def conditioned(request):
     torch.manual_seed(1)
     actor = Actor(request.param, extra=1)
@@ -117,9 +123,9 @@ def test_a_risk_level_may_be_left_out_and_is_not_asked_for(conditioned):
     made, data = conditioned
     inputs = example_inputs(5, seed=5)
     session = onnxruntime.InferenceSession(data, quiet(), providers=["CPUExecutionProvider"])
-    assert [node.name for node in session.get_inputs()] == list(INPUTS)
+    assert [node.name for node in session.get_inputs()] == ["ego", "objects", "mask"]
     with torch.no_grad():
-        half = made(*inputs, torch.full((5, 1), 0.5))
+        half = made(*inputs, risk=torch.full((5, 1), 0.5))
     assert torch.allclose(answers(data, inputs), half, atol=0.02)
 
 
@@ -128,6 +134,42 @@ def test_every_row_may_have_a_risk_level_of_its_own(conditioned, count):
     made, data = conditioned
     inputs, risk = example_inputs(count, seed=6), torch.linspace(0.1, 1.0, count)[:, None]
     with torch.no_grad():
-        expected = made(*inputs, risk)
+        expected = made(*inputs, risk=risk)
     assert torch.allclose(answers(data, inputs, risk), expected, atol=0.02)
     assert not torch.equal(answers(data, inputs), answers(data, inputs, risk))
+
+
+@pytest.fixture(scope="module")
+def outlined():
+    torch.manual_seed(2)
+    made = DeployedPolicy(Pilot(See(OUTLINED), Actor(OUTLINED, extra=1), 1.25, risk=0.5), 1000.0)
+    return made, onnx_bytes(made, {"algorithm": "ac_iqn"}, EXTENDED)
+
+
+@pytest.mark.parametrize("count", [1, 2, 33])
+def test_outlines_and_a_hull_of_every_row_s_own_are_heeded(outlined, count):
+    made, data = outlined
+    inputs = example_inputs(count, 7, EXTENDED)
+    with torch.no_grad():
+        assert torch.allclose(answers(data, inputs), made(*inputs), atol=0.02)
+    other = inputs._replace(hull=inputs.hull * 1.5)
+    assert not torch.equal(answers(data, inputs), answers(data, other))
+
+
+def test_who_feeds_no_outlines_and_no_hull_has_circles_and_the_default_vessel(outlined):
+    made, data = outlined
+    inputs = example_inputs(9, 8, EXTENDED)
+    session = onnxruntime.InferenceSession(data, quiet(), providers=["CPUExecutionProvider"])
+    assert [node.name for node in session.get_inputs()] == ["ego", "objects", "mask"]
+    with torch.no_grad():
+        plain = made(*circles(*inputs[:3]))
+    assert torch.allclose(answers(data, inputs[:3]), plain, atol=0.02)
+
+
+def test_padding_has_no_influence_among_outlines(outlined):
+    _, data = outlined
+    ego, objects, mask, outlines, hull = example_inputs(20, 9, EXTENDED)
+    there = mask[:, :, None] > 0
+    dirty = torch.where(there, objects, 1e6), mask, torch.where(there, outlines, 50.0)
+    clean = answers(data, (ego, objects, mask, outlines, hull))
+    assert torch.equal(clean, answers(data, (ego, *dirty, hull)))

@@ -42,7 +42,7 @@ class Sea:
     def serve(self) -> list:
         out = self.boat.vessel.tick(self.boat.now_s)
         self.fed += [taken.topic for taken in out.messages if not taken.made_here]
-        return self.ear.decode(out.mavlink)
+        return self.ear.decode(out.autopilot)
 
     def upload(self, *places: tuple[float, float]) -> list:
         sent = self.say(mavlink.MAVLink_mission_count_message(*US, len(places)))

@@ -2,10 +2,11 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 
-from twinscrew.hil_sim.children import end, undisturbed
+from twinscrew.hil_sim.children import end, end_all, undisturbed
 
 STUBBORN = (
     "import signal, time; signal.signal(15, signal.SIG_IGN); print(1, flush=True); time.sleep(600)"
@@ -58,3 +59,18 @@ def test_who_does_not_end_when_asked_is_made_to():
         process.stdout.readline()  # it ignores SIGTERM from now on
         end(process, 0.2)
         assert process.returncode == -signal.SIGKILL
+
+
+def test_several_who_do_not_end_when_asked_are_waited_for_together():
+    begun = [
+        subprocess.Popen([sys.executable, "-c", STUBBORN], stdout=subprocess.PIPE) for _ in range(4)
+    ]
+    for process in begun:
+        assert process.stdout is not None
+        process.stdout.readline()
+    begin_s = time.monotonic()
+    end_all(begun, 0.5)
+    assert time.monotonic() - begin_s < 1.5
+    assert [process.returncode for process in begun] == [-signal.SIGKILL] * 4
+    for process in begun:
+        process.stdout.close()

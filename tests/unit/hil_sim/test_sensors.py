@@ -20,8 +20,8 @@ from twinscrew.hil_sim.sensors.navigation import (
 )
 from twinscrew.hil_sim.vessel.state import VesselState
 from twinscrew.hil_sim.world import make_world
+from twinscrew.runtime.datum import Place
 from twinscrew.runtime.estimation.sensors import SensorSettings
-from twinscrew.runtime.estimation.wgs84 import Place
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.perception.sensor import Mount
 

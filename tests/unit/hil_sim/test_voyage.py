@@ -6,12 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from twinscrew.hil_sim.drivers.realtime import Troubles
 from twinscrew.hil_sim.drivers.voyage import ODOMETRY_S, Voyage
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.world import World, make_world
 from twinscrew.runtime.errors import LinkError
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.types import Float64, Odometry
+from twinscrew.runtime.messages.types import Float64, HealthEvent, Odometry
+from twinscrew.runtime.safety.events import (
+    ARMING_REFUSED,
+    AUTOPILOT_NOW,
+    AUTOPILOT_RECOVERED,
+    INPUT_RECOVERED,
+    ODOMETRY_STALE,
+)
 
 TWO_VESSELS = """
 sea = "calm"
@@ -47,6 +55,9 @@ class Crew:
 
     def is_ready(self, vessel: int) -> bool:
         return self.now_s >= self.ready_at_s * (1 + vessel)
+
+    def why_not_ready(self, vessel: int) -> str:
+        return f"odometry_stale: {vessel}" if self.ready_at_s < 1e3 else ""
 
     def thrust_N(self) -> Float64:
         return np.full((2, 2), 1000.0)
@@ -138,7 +149,9 @@ def test_progress_is_told_while_under_way(world: World) -> None:
 
 def test_an_autopilot_that_is_never_armed_is_named(world: World) -> None:
     crew = Crew(ready_at_s=2.0)
-    with pytest.raises(LinkError, match=r"not armed after 3 s: wamv2$"):
+    with pytest.raises(
+        LinkError, match=r"not ready to sail after 3 s: wamv2 \(odometry_stale: 1\)$"
+    ):
         Voyage(world, crew, scan_s=0.1, dock_limit_s=3.0).run()
 
 
@@ -161,3 +174,29 @@ def test_lingering_keeps_the_vessels_at_the_dock_with_their_goals(world: World) 
     Voyage(world, crew, scan_s=0.1).linger(2.0)
     assert len(crew.times("goal", 0)) == 1
     assert np.abs(world.state.position_N[:, 0]).max() < 0.5
+
+
+def said(kind, detail: str = "") -> HealthEvent:
+    return kind.at(0, detail)
+
+
+def test_a_refusal_that_is_repeated_is_told_once_and_is_known_at_the_end() -> None:
+    troubles = Troubles()
+    refusal = said(ARMING_REFUSED, "Arm: Throttle (RC3) is not neutral")
+    assert troubles.note(refusal)
+    assert not any(troubles.note(refusal) for _ in range(180))
+    troubles.note(said(AUTOPILOT_NOW, "MANUAL, disarmed"))
+    assert troubles.words == (
+        "MANUAL, disarmed; arming_refused: Arm: Throttle (RC3) is not neutral"
+    )
+
+
+def test_what_is_over_is_no_reason_any_more() -> None:
+    troubles = Troubles()
+    troubles.note(said(AUTOPILOT_NOW, "MANUAL, armed"))
+    troubles.note(said(ARMING_REFUSED, "Arm: AHRS"))
+    troubles.note(said(ODOMETRY_STALE, "odometry: 0.61 s old, allowed 0.5 s"))
+    troubles.note(said(AUTOPILOT_RECOVERED, "arming_refused"))
+    assert troubles.words == ("MANUAL, armed; odometry_stale: odometry: 0.61 s old, allowed 0.5 s")
+    troubles.note(said(INPUT_RECOVERED, "odometry"))
+    assert troubles.words == "MANUAL, armed"

@@ -22,9 +22,10 @@ class Puppet:
     def __init__(self, link, *, system=1, component=1):
         self.link, self.wire, self.now_s = link, Wire(system, component), 0.0
 
-    def beat(self, *, mode=MANUAL, armed=False, type_=BOAT, autopilot=ARDUPILOT):
+    def beat(self, *, mode=MANUAL, armed=False, type_=BOAT, autopilot=ARDUPILOT, system_status=4):
         base = 1 | (128 if armed else 0)
-        self.say(mavlink.MAVLink_heartbeat_message(type_, autopilot, base, mode, 4, 3))
+        beat = (type_, autopilot, base, mode, system_status, 3)
+        self.say(mavlink.MAVLink_heartbeat_message(*beat))
 
     def servos(self, left, right):
         outputs = [left, 0, right] + [0] * 13
@@ -470,3 +471,34 @@ def test_silence_at_the_start_says_what_was_heard_instead():
     )
     Puppet(signed).beat()
     assert "key" in signed.events(0.0)[0].detail
+
+
+@pytest.mark.parametrize("system_status", [0, 1, 2])
+def test_an_autopilot_that_initialises_is_asked_for_no_mode(system_status):
+    boat = puppet()
+    for _ in range(100):
+        boat.beat(mode=HOLD, armed=False, system_status=system_status)
+        assert not [m for m in boat.hears() if getattr(m, "command", 0) == SET_MODE]
+    boat.mode, boat.armed = HOLD, False
+    assert asked(boat, SET_MODE, seconds=2.0)
+
+
+def test_after_a_restart_no_mode_is_asked_for_before_the_next_heartbeat():
+    boat = in_state(mode=HOLD)
+    boat.say(mavlink.MAVLink_attitude_message(60_000, 0, 0, 0, 0, 0, 0))
+    assert asked(boat, SET_MODE, seconds=1.5)
+    boat.say(mavlink.MAVLink_attitude_message(200, 0, 0, 0, 0, 0, 0))
+    heard = [m for _ in range(40) for m in boat.hears()]
+    assert not [m for m in heard if getattr(m, "command", 0) == SET_MODE]
+    assert asked(boat, SET_MODE, seconds=1.5)
+
+
+def test_each_of_several_reasons_not_to_arm_is_named_once():
+    boat = in_state(arm=True)
+    for _ in range(6):
+        asked(boat, ARM, seconds=1.0)
+        for words in (b"Arm: GPS 1: not healthy", b"Arm: Compass not calibrated"):
+            boat.say(mavlink.MAVLink_statustext_message(2, words))
+        boat.ack(ARM, 4)
+    told = [e.detail for e in boat.link.events(boat.now_s) if e.name == "arming_refused"]
+    assert told == ["Arm: Compass not calibrated; Arm: GPS 1: not healthy"]

@@ -1,3 +1,4 @@
+import math
 import random
 
 import pytest
@@ -77,3 +78,45 @@ def test_answers_by_another_clock_than_the_messages_are_not_believed(boot_ns):
     (question,) = clock.ask(1000.0)
     clock.answered(mavlink.MAVLink_timesync_message(boot_ns, question.ts1), 1000.02)
     assert clock.caller_s(500.0) == pytest.approx(1000.05)
+
+
+@pytest.mark.parametrize("rate", [0.95, 0.8, 0.5])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_simulation_slower_than_real_time_is_followed(rate, seed):
+    generator = random.Random(seed)
+    error = talk(BootClock(), seconds=120, delay=lambda: generator.uniform(0, 0.03), drift=rate - 1)
+    assert abs(error) < 0.1
+
+
+def test_a_simulation_that_keeps_up_again_is_believed_again():
+    clock = BootClock()
+    talk(clock, seconds=30, delay=lambda: 0.01, drift=-0.3)
+    behind_s = 0.3 * (1030.0 - BOOT_S)
+    now_s = 1030.0
+    for k in range(200):
+        now_s = 1030.0 + k * 0.05
+        boot_s = now_s - BOOT_S - behind_s
+        clock.heard(boot_s, now_s + 0.01)
+        for question in clock.ask(now_s):
+            answer = mavlink.MAVLink_timesync_message(round((boot_s + 0.01) * 1e9), question.ts1)
+            clock.answered(answer, now_s + 0.02)
+    assert clock.caller_s(now_s - BOOT_S - behind_s) - now_s == pytest.approx(0.0, abs=0.02)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_delays_alone_never_look_like_clocks_that_run_apart(seed):
+    """A line whose delay rises to a second and falls again, there, back, or both."""
+    generator = random.Random(seed)
+    waves = [generator.uniform(0.0, 1.0) for _ in range(2)]
+    clock = BootClock()
+    for k in range(1200):
+        now_s = 1000.0 + k * 0.05
+        rise = 0.5 - 0.5 * math.cos(k / 120)
+        there, back = (0.01 + wave * rise for wave in waves)
+        clock.heard(now_s - back - BOOT_S, now_s)
+        for question in clock.ask(now_s):
+            boot_ns = round((now_s + there - BOOT_S) * 1e9)
+            clock.answered(
+                mavlink.MAVLink_timesync_message(boot_ns, question.ts1), now_s + there + back
+            )
+    assert clock.caller_s(500.0) == pytest.approx(BOOT_S + 500.0, abs=0.02)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from twinscrew.runtime.ground.shown import (
+from twinscrew.runtime.ground.report import (
     SECTOR_RAD,
     SECTORS,
     named_value,

@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.datum import Datum, from_datum_N
 from twinscrew.runtime.ground.missions import ASK_AGAIN_S, TRIES, MissionServer
-from twinscrew.runtime.ground.orders import Chart, GoTo, Halt, OrderSettings, Sail
+from twinscrew.runtime.ground.orders import FollowRoute, GoalFrames, GoTo, OrderSettings, Pause
 
 SYDNEY = Datum(latitude_deg=-33.7221, longitude_deg=150.6739)
 STATION, OTHER, STRANGER = (255, 190), (255, 191), (42, 190)
@@ -33,7 +33,7 @@ class Talk:
     def __init__(self, datum=SYDNEY, **changes):
         options = OrderSettings(**changes)
         self.server = MissionServer(
-            options, Chart(datum, options.reach_m), lambda system: system in options.permitted
+            options, GoalFrames(datum, options.reach_m), lambda system: system in options.permitted
         )
         self.now_s = 0.0
 
@@ -83,7 +83,7 @@ def test_items_are_asked_for_one_by_one_and_a_whole_mission_is_accepted_and_sail
     (ack,) = talk.say(local(1, 10.0, 5.0))
     assert (ack.get_type(), ack.type) == ("MISSION_ACK", mavlink.MAV_MISSION_ACCEPTED)
     (order,) = talk.server.orders
-    assert isinstance(order, Sail)
+    assert isinstance(order, FollowRoute)
     assert [(w.seq, w.north_m, w.east_m) for w in order.way] == [(0, 10.0, 0.0), (1, 10.0, 5.0)]
 
 
@@ -283,7 +283,7 @@ def test_a_cleared_mission_is_gone_and_sailed_no_further(kind):
     talk.upload(local(0, 1.0, 1.0))
     (ack,) = talk.say(mavlink.MAVLink_mission_clear_all_message(*US, kind))
     assert ack.type == mavlink.MAV_MISSION_ACCEPTED
-    assert isinstance(talk.server.orders[-1], Halt)
+    assert isinstance(talk.server.orders[-1], Pause)
     assert talk.download() == []
     (ack,) = talk.say(mavlink.MAVLink_mission_request_int_message(*US, 0, 0))
     assert ack.type == mavlink.MAV_MISSION_INVALID_SEQUENCE
@@ -293,7 +293,7 @@ def test_an_empty_mission_is_a_cleared_one():
     talk = Talk()
     talk.upload(local(0, 1.0, 1.0))
     assert talk.count(0)[0].type == mavlink.MAV_MISSION_ACCEPTED
-    assert isinstance(talk.server.orders[-1], Halt)
+    assert isinstance(talk.server.orders[-1], Pause)
 
 
 def test_any_item_can_be_made_the_next_one():
@@ -312,7 +312,7 @@ def test_a_mission_may_wait_for_the_word_to_start():
     assert talk.upload(local(0, 1.0, 1.0)).type == mavlink.MAV_MISSION_ACCEPTED
     assert talk.server.orders == []
     assert talk.server.start(255, 0)
-    assert isinstance(talk.server.orders[0], Sail)
+    assert isinstance(talk.server.orders[0], FollowRoute)
 
 
 def test_an_item_of_its_own_is_a_goal_and_no_part_of_the_mission():

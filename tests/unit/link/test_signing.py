@@ -1,8 +1,10 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.link.ardupilot.commands import heartbeat
+from twinscrew.runtime.link.ardupilot.key_setup import KeySetup, Step
 from twinscrew.runtime.mavlink import EPOCH_S, Signing, Wire, read_key
 
 KEY, OTHER_KEY = bytes(range(32)), bytes(32)
@@ -131,3 +133,95 @@ def test_pymavlink_hears_what_we_sign():
 def test_we_hear_what_pymavlink_signs():
     codec, ear = pymavlink_end(), end(KEY, system=2)
     assert [len(ear.decode(heartbeat().pack(codec))) for _ in range(3)] == [1, 1, 1]
+
+
+def given(pilot, task, *, limit_s=15.0):
+    """Let a key be put into a simulated autopilot; gives the seconds that it took."""
+    now_s = 0.0
+    while not task.over and now_s < limit_s:
+        now_s = round(now_s + 0.05, 6)
+        pilot.receive(task.go(pilot.step(now_s), now_s), now_s)
+    return now_s
+
+
+def setting_up(key=KEY, old=None):
+    signing = [None if one is None else Signing(one, wall_clock=Clock()) for one in (key, old)]
+    return KeySetup(signing[0], 1, 191, signing[1])
+
+
+def pilot_with(key=None):
+    return RoverAutopilot(
+        RoverAutopilotSettings(),
+        1,
+        signing=None if key is None else Signing(key, wall_clock=Clock()),
+    )
+
+
+@pytest.fixture
+def frozen_clock(monkeypatch):
+    """The autopilot's own clock, too, shows NOW_S."""
+    monkeypatch.setattr("twinscrew.runtime.mavlink.time.time", lambda: NOW_S)
+
+
+@pytest.mark.usefixtures("frozen_clock")
+@pytest.mark.parametrize("old", [None, OTHER_KEY])
+def test_a_key_is_put_into_an_autopilot_and_counts_from_then_on(old):
+    pilot, task = pilot_with(old), setting_up(old=old)
+    given(pilot, task)
+    assert task.step is Step.DONE
+    assert pilot.wire.signs
+    before = pilot.wire.bad_frames
+    pilot.receive(Wire(1, 191).encode(heartbeat()), 20.0)
+    assert pilot.wire.bad_frames == before + 1
+
+
+@pytest.mark.usefixtures("frozen_clock")
+def test_a_key_that_the_autopilot_has_is_not_sent_again():
+    task = setting_up()
+    assert given(pilot_with(KEY), task) < 2.0
+    assert task.step is Step.HAS_IT
+
+
+@pytest.mark.usefixtures("frozen_clock")
+@pytest.mark.parametrize(
+    ("has", "old", "why"),
+    [
+        (OTHER_KEY, None, "give it as --old-key"),
+        (OTHER_KEY, bytes([7] * 32), "neither --key nor --old-key"),
+        (None, OTHER_KEY, "does not sign: leave out --old-key"),
+    ],
+)
+def test_who_signs_with_another_key_than_was_said_gets_none(has, old, why):
+    pilot, task = pilot_with(has), setting_up(old=old)
+    given(pilot, task)
+    assert task.step is Step.REFUSED
+    assert why in task.why
+
+
+def test_an_armed_autopilot_gets_no_key_and_takes_none():
+    pilot, task = pilot_with(), setting_up()
+    pilot.rover.arm(force=True)
+    given(pilot, task)
+    assert "armed" in task.why
+    setup = mavlink.MAVLink_setup_signing_message(1, 1, list(KEY), 1)
+    pilot.receive(Wire(1, 191).encode(setup), 20.0)
+    assert not pilot.wire.signs
+    assert "Won't setup signing when armed" in pilot.rover.texts[-1]
+
+
+def test_where_nobody_is_the_key_is_not_sent():
+    task, sent = setting_up(), b""
+    for k in range(400):
+        sent += task.go(b"", k * 0.05)
+    assert task.step is Step.REFUSED
+    assert "no autopilot of system id 1" in task.why
+    assert KEY not in sent
+
+
+def test_a_key_that_was_lost_on_its_way_is_sent_once_only():
+    pilot, task, sent = pilot_with(), setting_up(), []
+    for k in range(400):
+        said = task.go(pilot.step(k * 0.05), k * 0.05)
+        sent += [said] if KEY in said else []
+    assert len(sent) == 1
+    assert "may have been lost" in task.why

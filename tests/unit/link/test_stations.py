@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.datum import Datum, from_datum_N, to_degrees
-from twinscrew.runtime.ground.orders import GoTo, Halt, OrderSettings, Relative, Sail
+from twinscrew.runtime.ground.orders import FollowRoute, GoTo, OrderSettings, Pause, Relative
 from twinscrew.runtime.ground.stations import COMPLAIN_S, CURRENT_S, Stations
 from twinscrew.runtime.mavlink import Wire
 
@@ -180,8 +180,8 @@ def test_a_mission_is_started_paused_and_resumed_by_commands():
     assert [waypoint.seq for waypoint in whole.way] == [0, 1, 2]
     assert [waypoint.seq for waypoint in rest.way] == [1, 2]
     assert [waypoint.seq for waypoint in resumed.way] == [1, 2]
-    assert isinstance(resumed, Sail)
-    assert not isinstance(resumed, Halt)
+    assert isinstance(resumed, FollowRoute)
+    assert not isinstance(resumed, Pause)
 
 
 def test_the_present_item_is_told_while_there_is_a_mission():

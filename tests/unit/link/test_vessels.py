@@ -5,7 +5,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.datum import Datum, from_datum_N
-from twinscrew.runtime.ground.shown import ais_vessels, mmsi
+from twinscrew.runtime.ground.report import ais_vessels, mmsi
 from twinscrew.runtime.mavlink import Wire
 from twinscrew.runtime.messages.types import Tracks
 

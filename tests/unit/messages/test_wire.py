@@ -53,7 +53,7 @@ def test_numbers_that_do_not_fill_the_elements_are_refused():
 
 def test_big_endian_is_read():
     reader = Reader(b"\x00\x00\x00\x00" + b"\x00\x00\x00\x02" + b"\x00\x00\x00\x05boat\x00", "T")
-    assert reader.uint32() == 2
+    assert reader.count(0) == 2
     assert reader.string() == "boat"
 
 

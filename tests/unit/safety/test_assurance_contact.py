@@ -60,20 +60,20 @@ def test_a_buoy_dead_ahead_is_met_when_and_as_fast_as_it_comes():
     assert found.time_s == pytest.approx(2.3)  # 4.6 m on: the first step inside the margin
     assert found.speed_mps == pytest.approx(2.0)
     assert found.track == 7
-    assert found.harm > 0.5
+    assert found.excess > 0.5
 
 
 def test_a_contact_that_comes_later_or_softer_does_less_harm():
     buoy = circles((8.8, 0.0, 0.0, 0.0, 1.0))
     farther = circles((9.8, 0.0, 0.0, 0.0, 1.0))
-    assert contact(straight(2.0), buoy).harm > contact(straight(2.0), farther).harm > 0.0
-    assert contact(straight(3.0), buoy).harm > contact(straight(2.0), buoy).harm
+    assert contact(straight(2.0), buoy).excess > contact(straight(2.0), farther).excess > 0.0
+    assert contact(straight(3.0), buoy).excess > contact(straight(2.0), buoy).excess
 
 
 def test_a_contact_beyond_the_tracks_horizon_is_none():
     soon = circles((8.8, 0.0, -1.0, 0.0, 1.0), horizon_s=1.5)
     assert contact(straight(2.0), soon) is NO_CONTACT
-    assert contact(straight(3.0), soon).harm > 0.0
+    assert contact(straight(3.0), soon).excess > 0.0
 
 
 def test_passing_outside_the_margin_is_no_contact():
@@ -86,22 +86,22 @@ def test_lying_within_the_margin_or_leaving_it_is_no_contact():
     assert contact(straight(-1.0), close) is NO_CONTACT
     touching = circles((3.7, 0.0, 0.0, 0.0, 1.0))
     assert contact(straight(-1.0), touching) is NO_CONTACT
-    assert contact(straight(0.05), touching).harm > 0.0
+    assert contact(straight(0.05), touching).excess > 0.0
 
 
 def test_who_overlaps_has_to_leave_but_need_not_flee():
     overlapping = circles((3.7, 0.0, 0.0, 0.0, 1.0))  # by 0.1 m
     deep = circles((1.8, 0.0, 0.0, 0.0, 1.0))  # by 2 m
-    assert contact(straight(0.0, steps=1), overlapping).harm > 0.0
+    assert contact(straight(0.0, steps=1), overlapping).excess > 0.0
     assert contact(straight(-0.15, steps=1), overlapping) is NO_CONTACT
-    assert contact(straight(-0.15, steps=1), deep).harm > 0.0
+    assert contact(straight(-0.15, steps=1), deep).excess > 0.0
     assert contact(straight(-0.25, steps=1), deep) is NO_CONTACT
 
 
 def test_within_the_margin_one_may_close_in_no_faster_than_the_gap_allows():
     close = circles((4.2, 0.0, 0.0, 0.0, 1.0))  # 0.4 m
     assert contact(straight(0.3, steps=1), close) is NO_CONTACT
-    assert contact(straight(0.5, steps=1), close).harm > 0.0
+    assert contact(straight(0.5, steps=1), close).excess > 0.0
 
 
 def test_what_comes_at_us_is_met_even_when_we_lie_still():
@@ -122,8 +122,8 @@ def test_of_several_the_first_one_met_is_named():
 
 def test_the_result_does_not_depend_on_the_order_of_the_tracks():
     rows = [(9.0, 0.5, 0.0, 0.0, 1.0), (7.0, 3.0, -1.0, -0.5, 1.0), (3.0, -7.0, 0.5, 2.0, 2.0)]
-    harms = {contact(straight(2.0), circles(*order)).harm for order in (rows, rows[::-1])}
-    assert len(harms) == 1
+    excesses = {contact(straight(2.0), circles(*order)).excess for order in (rows, rows[::-1])}
+    assert len(excesses) == 1
 
 
 def odometry(heading: float) -> Odometry:

@@ -26,7 +26,7 @@ from twinscrew.training.evaluate import (
     score,
 )
 from twinscrew.training.networks import Actor, NetworkSettings, Pilot, See
-from twinscrew.training.perception import Observations
+from twinscrew.training.perception import PAPER, Observations
 from twinscrew.training.scenarios import ScenarioSettings
 from twinscrew.training.settings import Phase, TrainSettings
 
@@ -36,7 +36,7 @@ THREE = ScenarioSettings(robots=3, min_distance_m=30.0)
 class Driver:
     """A batch policy from a function of the ego states."""
 
-    name = "driver"
+    name, layout, range_m = "driver", PAPER, 20.0
 
     def __init__(self, action: Callable[[np.ndarray], np.ndarray], period_s: float = 0.5) -> None:
         self.action, self.period_s = action, period_s

@@ -13,7 +13,7 @@ from twinscrew.training.agents.ppo import PpoSettings
 from twinscrew.training.agents.rainbow import RainbowSettings
 from twinscrew.training.agents.sac import SacSettings
 from twinscrew.training.learner import Stack, limit
-from twinscrew.training.networks import NetworkSettings, Observations
+from twinscrew.training.networks import NetworkSettings, Observations, circles
 from twinscrew.training.replay import TRANSITION_COLUMNS, Drawn
 
 NETWORK = NetworkSettings(ego_width=16, object_width=16, feature_width=16, hidden_width=16)
@@ -80,7 +80,7 @@ def test_each_seed_acts_together_as_it_acts_alone(settings):
     alone, stack = learn_both_ways(settings, updates=1)
     generator = torch.Generator().manual_seed(5)
     seen = [
-        Observations(
+        circles(
             torch.randn(4, 7, generator=generator),
             torch.randn(4, 5, 5, generator=generator),
             torch.ones(4, 5),

@@ -13,10 +13,10 @@ from twinscrew.training.networks import (
     Actor,
     EncoderSettings,
     NetworkSettings,
-    Observations,
     PaperEncoder,
     See,
     SetEncoder,
+    circles,
     make_encoder,
     squash,
 )
@@ -31,7 +31,7 @@ def observations(count, seed=0, objects=3):
     mask = torch.zeros(count, 5)
     mask[:, :objects] = 1.0
     things = torch.randn(count, 5, 5, generator=generator) * 5
-    return Observations(torch.randn(count, 7, generator=generator), things * mask[:, :, None], mask)
+    return circles(torch.randn(count, 7, generator=generator), things * mask[:, :, None], mask)
 
 
 @BOTH

@@ -13,15 +13,19 @@ from hypothesis import strategies as st
 
 from twinscrew.runtime.cli.main import main
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.policy.hull_units import HullUnits
 from twinscrew.training.environment import EnvironmentSettings, steer_at_goal
 from twinscrew.training.evaluate import open_policy
-from twinscrew.training.perception import NoiseSettings
+from twinscrew.training.perception import PAPER, NoiseSettings
 from twinscrew.training.traffic import (
     FILE,
+    SETS,
     GivenEnv,
     TrafficEnv,
+    draw_traffic,
     evaluate_given,
     evaluate_traffic,
+    in_hull_units,
     read_given,
     read_traffic,
     rectangles_gap,
@@ -132,7 +136,7 @@ def written(tmp_path: Path, *episodes, **more) -> Path:
 class Straight:
     """Steers at the goal, whatever is in the way."""
 
-    name, period_s = "straight", 0.5
+    name, period_s, layout, range_m = "straight", 0.5, PAPER, 20.0
 
     def begin(self, episodes: int, vessels: int) -> None:
         pass
@@ -288,3 +292,46 @@ def test_the_command_answers_with_one_json_object(
     ]
     assert set(answers[0]["episodes"][0]) == {"outcome", "time_s", "closest_approach_m"}
     assert answers[0]["success_rate"] == 1.0
+
+
+@pytest.mark.parametrize("name", [*SETS, "imazu"])
+def test_a_drawn_set_is_the_same_for_a_seed_and_begins_clear(name):
+    """And nobody is in contact before anybody has moved."""
+    first, again = draw_traffic(name, 44, 3), draw_traffic(name, 44, 3)
+    assert first == again
+    assert first != draw_traffic(name, 44, 4)
+    assert len(first.episodes) == 44
+    for one in first.episodes:
+        start = np.array(one.own.start_m)
+        for other in one.others:
+            gap = np.hypot(*(np.array(other.start_m) - start))
+            assert gap > np.hypot(other.length_m, other.beam_m) / 2
+
+
+def test_unaltered_imazu_s_others_meet_at_one_point():
+    """All come within a few metres of the middle of the own way, at one time."""
+    for one in draw_traffic("imazu", 22, 0).episodes:
+        middle = (np.array(one.own.start_m) + np.array(one.own.goal_m)) / 2
+        for other in one.others:
+            course = np.radians(other.course_deg)
+            velocity = other.speed_mps * np.array([np.cos(course), np.sin(course)])
+            then = np.array(other.start_m) + velocity * 40.0 / 2.5
+            assert np.hypot(*(then - middle)) < 10.0
+
+
+def test_an_unknown_set_is_named():
+    with pytest.raises(ConfigError, match="sets are slow, fast, large, anchored, imazu"):
+        draw_traffic("calm", 1, 0)
+
+
+def test_in_a_hull_s_units_the_same_episodes_give_the_same_answer():
+    """The file in SI, sailed in the units of a hull that is alike but for its scale."""
+    traffic = draw_traffic("slow", 20, 5)
+    units = HullUnits(0.4, 0.5, 0.1)
+    small = in_hull_units(traffic, units)
+    whole = evaluate_traffic(Straight(), traffic, 1)
+    scaled_back = in_hull_units(small, HullUnits(2.5, 2.0, 10.0))
+    assert evaluate_traffic(Straight(), scaled_back, 1)["contacts"] == whole["contacts"]
+    other, same = traffic.episodes[0].others[0], small.episodes[0].others[0]
+    assert same.length_m == pytest.approx(other.length_m / 0.4)
+    assert same.speed_mps == pytest.approx(other.speed_mps / 0.8)

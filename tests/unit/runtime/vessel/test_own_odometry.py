@@ -103,9 +103,30 @@ class Sailing:
         pipeline = make_pipeline(Steady())
         self.vessel = Vessel(pipeline, AutopilotLink(settings), alignment=Alignment())
         self.pilot = RoverAutopilot(RoverAutopilotSettings(), 1, ORIGIN)
+        self.now_s: float | None = None
         self.fed = []
+        self.errors_s: list[tuple[float, float]] = []
         self.decisions = []
         self.events = []
+
+    def sail_slowly(self, seconds: float, rate: float) -> "Sailing":
+        """The same in a simulation of 10 ms steps, whose time passes at a rate below one."""
+        said, scan_s, fed = b"", 0.0, 0
+        for k in range(round(seconds / 0.01)):
+            now_s, true_s = k * 0.01, k * 0.01 * rate
+            self.now_s = true_s
+            if true_s >= scan_s:
+                scan_s += 0.1
+                self.scan(self.lidar_begin_ns + round(true_s * SECOND), now_s)
+            said += self.pilot.step(true_s, odometry_at(true_s, north=2.0 * true_s))
+            if k % 5 == 0:
+                self.tick(said, now_s)
+                said = b""
+            for odometry in self.fed[fed:]:
+                stamp_s = (odometry.stamp_ns - self.lidar_begin_ns) / SECOND
+                self.errors_s.append((now_s, stamp_s - odometry.position_N[0] / 2.0))
+            fed = len(self.fed)
+        return self
 
     def sail(self, seconds: float) -> "Sailing":
         """A boat that goes north with 2 m/s."""
@@ -126,7 +147,7 @@ class Sailing:
         self._note(self.vessel.tick(now_s), now_s)
 
     def _note(self, out: Outputs, now_s: float) -> None:
-        self.pilot.receive(out.mavlink, now_s)
+        self.pilot.receive(out.autopilot, now_s if self.now_s is None else self.now_s)
         self.fed += [taken.message for taken in out.messages if taken.topic == "odometry"]
         self.decisions += [out.decision] if out.decision else []
         self.events += out.events
@@ -146,6 +167,17 @@ def test_scans_are_decided_on_and_the_boat_may_drive() -> None:
     boat = Sailing().sail(4.0)
     assert len(boat.decisions) > 20
     assert boat.vessel.engaged
+
+
+@pytest.mark.parametrize("rate", [1.0, 0.95, 0.7, 0.5])
+def test_a_simulation_slower_than_real_time_sails_on_its_autopilots_odometry(rate: float) -> None:
+    boat = Sailing().sail_slowly(40.0, rate)
+    assert boat.vessel.engaged
+    worst_s = max(abs(error_s) for now_s, error_s in boat.errors_s if now_s > 15.0)
+    assert worst_s < 0.1
+    settled_ns = EPOCH_NS + round(15.0 * rate * SECOND)
+    names = ("odometry_missing", "input_late", "odometry_stale", "lidar_stale")
+    assert not [e for e in boat.events if e.name in names and e.stamp_ns > settled_ns]
 
 
 def test_with_a_datum_the_link_asks_for_the_autopilots_origin_and_counts_from_the_datum() -> None:

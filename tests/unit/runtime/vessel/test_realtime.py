@@ -23,9 +23,10 @@ from twinscrew.runtime.messages.wire import Writer
 from twinscrew.runtime.recording.settings import RecordingSettings
 from twinscrew.runtime.safety.events import GREATEST_DETAIL
 from twinscrew.runtime.vessel.config import RuntimeConfig
-from twinscrew.runtime.vessel.outputs import Publisher
+from twinscrew.runtime.vessel.outputs import Outputs, Publisher
 from twinscrew.runtime.vessel.realtime import Loop, open_recorder, run_vessel, unused
 from twinscrew.runtime.vessel.summary import SUMMARY_FILE, RunSummary, read_summary
+from twinscrew.runtime.vessel.vessel import Vessel
 
 SCAN_S = 0.1
 
@@ -271,6 +272,7 @@ STAGES = {
     "line in": "line.receive",
     "line out": "line.send",
     "recording": "publisher.publish",
+    "recording what came": "publisher.came",
     "decision": "publisher._decide",
     "health events": "publisher.report",
     "state": "publisher.state",
@@ -310,6 +312,27 @@ def broken(rig: Rig, monkeypatch: pytest.MonkeyPatch, where: str) -> list[float]
         part = getattr(part, step)
     monkeypatch.setattr(type(part), name, fail)
     return raised
+
+
+def test_a_message_is_recorded_before_it_is_worked_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What brings a runtime down, or holds it up for ever, is in its recording."""
+    rig, recorded, handled = Rig(), [], []
+    take = Vessel.handle
+
+    def record(_: object, topic: str, payload: bytes) -> None:
+        recorded.append((topic, payload))
+
+    def handle(vessel: Vessel, message: Received, now_s: float) -> Outputs:
+        handled.append((message.topic, message.payload))
+        assert recorded.count(handled[-1]) == handled.count(handled[-1])
+        return take(vessel, message, now_s)
+
+    monkeypatch.setattr(Publisher, "_record", record)
+    monkeypatch.setattr(Vessel, "handle", handle)
+    rig.run(2.0)
+    assert len(handled) >= 40
+    assert [one for one in recorded if one[0] in ("points", "odometry")] == handled  # and once
+    assert "internal_error" not in rig.names
 
 
 @pytest.mark.parametrize("where", [*STAGES, *ENCODERS])

@@ -565,7 +565,7 @@ def test_arriving_ends_in_ready_with_the_propellers_at_rest() -> None:
 def test_a_boat_without_a_goal_is_the_pilots_where_a_receiver_is_fitted() -> None:
     boat = Boat(waypoints_m=(), receiver_fitted=True, rover={"receiver": True}).sail(4.0)
     assert boat.vessel.state is State.READY
-    assert boat.vessel.tick(boat.now_s + TICK_S).mavlink == b""
+    assert boat.vessel.tick(boat.now_s + TICK_S).autopilot == b""
 
 
 def test_at_rest_the_last_bytes_stop_the_propellers() -> None:

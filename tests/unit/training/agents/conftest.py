@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from twinscrew.training.networks import Observations
+from twinscrew.training.networks import circles
 from twinscrew.training.replay import Batch
 
 
@@ -9,7 +9,7 @@ def _observations(count, seed):
     generator = torch.Generator().manual_seed(seed)
     mask = (torch.rand(count, 5, generator=generator) > 0.5).float()
     objects = torch.randn(count, 5, 5, generator=generator) * 5 * mask[:, :, None]
-    return Observations(torch.randn(count, 7, generator=generator), objects, mask)
+    return circles(torch.randn(count, 7, generator=generator), objects, mask)
 
 
 @pytest.fixture(scope="session")

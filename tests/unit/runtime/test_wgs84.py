@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twinscrew.runtime.estimation.wgs84 import FLATTENING, SEMI_MAJOR_M, LocalFrame, Place
+from twinscrew.runtime.datum import EARTH_RADIUS_M, FLATTENING, LocalFrame, Place
 
 ORIGINS = st.builds(
     Place,
@@ -42,8 +42,8 @@ def earth_fixed(place: Place) -> tuple[float, float, float]:
     """By the reduced latitude, tan(beta) = (1 - f) tan(phi)."""
     phi, lam = math.radians(place.latitude_deg), math.radians(place.longitude_deg)
     beta = math.atan((1.0 - FLATTENING) * math.tan(phi))
-    across_m = SEMI_MAJOR_M * math.cos(beta) + place.altitude_m * math.cos(phi)
-    z_m = SEMI_MAJOR_M * (1.0 - FLATTENING) * math.sin(beta) + place.altitude_m * math.sin(phi)
+    across_m = EARTH_RADIUS_M * math.cos(beta) + place.altitude_m * math.cos(phi)
+    z_m = EARTH_RADIUS_M * (1.0 - FLATTENING) * math.sin(beta) + place.altitude_m * math.sin(phi)
     return across_m * math.cos(lam), across_m * math.sin(lam), z_m
 
 
@@ -56,15 +56,15 @@ def test_a_little_way_north_and_east_is_that_of_the_radii_of_curvature(latitude_
     w = 1 - e2 * math.sin(phi) ** 2
     north = frame.position_N(Place(latitude_deg=latitude_deg + 1e-4, longitude_deg=10.0))
     east = frame.position_N(Place(latitude_deg=latitude_deg, longitude_deg=10.0 + 1e-4))
-    assert north[0] == pytest.approx(step * SEMI_MAJOR_M * (1 - e2) / w**1.5, rel=1e-6)
-    assert east[1] == pytest.approx(step * SEMI_MAJOR_M * math.cos(phi) / w**0.5, rel=1e-6)
+    assert north[0] == pytest.approx(step * EARTH_RADIUS_M * (1 - e2) / w**1.5, rel=1e-6)
+    assert east[1] == pytest.approx(step * EARTH_RADIUS_M * math.cos(phi) / w**0.5, rel=1e-6)
 
 
 def test_a_sphere_would_be_wrong_by_metres_a_kilometre():
     """Why a fix does not go through the autopilot's flat earth (link/datum.py)."""
     frame = LocalFrame(Place(latitude_deg=-33.7221, longitude_deg=150.6739))
     place = frame.place(np.array([1000.0, 0.0, 0.0]))
-    flat_m = SEMI_MAJOR_M * math.radians(place.latitude_deg + 33.7221)
+    flat_m = EARTH_RADIUS_M * math.radians(place.latitude_deg + 33.7221)
     assert flat_m == pytest.approx(1003.6, abs=0.2)
 
 
