@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from twinscrew.runtime.errors import RecordingError
 from twinscrew.runtime.geometry import euler_from_quaternion, rotation_from_quaternion
 from twinscrew.runtime.link.ardupilot.thrust import (
-    SPAN_US,
-    STOP_US,
     PaddleSettings,
+    fraction_from_pwm,
     fraction_from_thrust,
 )
 from twinscrew.runtime.messages import cdr
@@ -155,7 +154,7 @@ def _command(recording: Recording, vessel: VesselDescription, source: str) -> tu
     if source == "commanded" and not all(commanded):
         raise RecordingError(f"{recording.path}: holds no thrust_left and thrust_right")
     wanted = _shares(commanded, lambda newtons: fraction_from_thrust(newtons, scale))
-    got = _shares(measured, lambda us: (us - STOP_US) / SPAN_US if us > 0.0 else 0.0)
+    got = _shares(measured, lambda us: fraction_from_pwm(us, scale))
     if source == "auto":
         source = "commanded" if wanted is not None and _obeyed(wanted, got) else "measured"
     chosen = wanted if source == "commanded" else got
