@@ -329,15 +329,14 @@ class AutopilotLink:
             return b"" if pair is None else self._override(pair)
         self._release.hold()
         acts = thrust is not None and self._engaged(now_s)
-        left, right = self._listener.outputs
-        sent = STOP
-        if acts and thrust is not None:
-            wanted = paddles(thrust, self.settings.paddles)
-            sent = (left.channel(wanted[0]), right.channel(wanted[1]))
+        pair = paddles(thrust, self.settings.paddles) if acts and thrust is not None else STOP
+        expected, outputs = pair, self._listener.outputs
+        if outputs is not None:
+            pair = outputs.channels(pair) if acts else STOP
+            expected = outputs.pulses(pair)
         if self._listener.authority.drives:
-            expected = (left.pulse(sent[0]), right.pulse(sent[1]))
             self._listener.obedience.commanded(expected, now_s)
-        return self._override(sent)
+        return self._override(pair)
 
     def take_outputs(self) -> Pair | None:
         """Give what drives the propellers [us], left and right, if it was told since last asked."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -19,7 +19,7 @@ from twinscrew.runtime.link.ardupilot.commands import Retried, Stream
 from twinscrew.runtime.link.ardupilot.odometry import OdometryFromAutopilot
 from twinscrew.runtime.link.ardupilot.parameters import SAFETY, ParameterCheck, expected_parameters
 from twinscrew.runtime.link.ardupilot.settings import AutopilotSettings
-from twinscrew.runtime.link.ardupilot.thrust import STOP_US, Output
+from twinscrew.runtime.link.ardupilot.thrust import STOP_US, Outputs
 from twinscrew.runtime.mavlink import Message
 
 # -- Does the autopilot do what it is told? Only SERVO_OUTPUT_RAW knows.
@@ -181,8 +181,8 @@ class Listener:
         self.arming = Retried(commands.arm(target), every_s=1.0)
         self.texts: list[str] = []
         """What the autopilot told in words and nobody has asked for yet."""
-        self.outputs = _outputs({})
-        """What the autopilot makes of the two channels."""
+        self.outputs: Outputs | None = None
+        """What the autopilot makes of the two channels; None: it hands them through."""
         self.new_outputs: Pair | None = None
         """[us] Left and right of SERVO_OUTPUT_RAW, until somebody takes them."""
         self._chunked = 0
@@ -280,7 +280,8 @@ class Listener:
 
     def _on_servo_output(self, message: Message, now_s: float) -> None:
         self.new_outputs = (message.servo1_raw, message.servo3_raw)
-        self.obedience.measured(self.new_outputs, self.outputs[0].pulse(STOP_US), now_s)
+        stop_us = STOP_US if self.outputs is None else self.outputs.pulses((STOP_US, STOP_US))[0]
+        self.obedience.measured(self.new_outputs, stop_us, now_s)
 
     def _on_system_status(self, message: Message, _now_s: float) -> None:
         volts = message.voltage_battery  # [mV]; 65535: not sent
@@ -314,13 +315,8 @@ class Listener:
         name, value = message.param_id, message.param_value
         self.replies += self.parameters.heard(name, value, self._settings.system_id)
         if name.startswith(("SERVO", "MOT_")):
-            self.outputs = _outputs(self.parameters.values)
+            self.outputs = Outputs.bent(self.parameters.values)
         self.authority.failsafe_holds = self.parameters.has(*FAILSAFE_PARAMETERS)
-
-
-def _outputs(values: Mapping[str, float]) -> tuple[Output, Output]:
-    """Give the left and the right output, which the shipped parameters put on 1 and 3."""
-    return Output(values, 1), Output(values, 3)
 
 
 def _is_armed(heartbeat: Message) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -170,6 +170,27 @@ class Output:
         y = x if e == 0.0 else (math.sqrt((1.0 - e) ** 2 + 4.0 * e * x) - (1.0 - e)) / (2.0 * e)
         span = self._high - self._trim if stick > 0.0 else self._trim - self._low
         return round(self._trim + math.copysign(span * y, stick))
+
+
+class Outputs(NamedTuple):
+    """The left and the right output, which the shipped parameters put on 1 and 3."""
+
+    left: Output
+    right: Output
+
+    @classmethod
+    def bent(cls, values: Mapping[str, float]) -> Outputs | None:
+        """Give what parameters make of the channels; None if they hand them through."""
+        both = cls(Output(values, 1), Output(values, 3))
+        return None if both.left.is_straight and both.right.is_straight else both
+
+    def channels(self, pulses: Pair) -> Pair:
+        """Give the channels [us] that make two pulses [us]."""
+        return self.left.channel(pulses[0]), self.right.channel(pulses[1])
+
+    def pulses(self, channels: Pair) -> Pair:
+        """Give the pulses [us] that come of two channels [us]."""
+        return self.left.pulse(channels[0]), self.right.pulse(channels[1])
 
 
 # -- Which paddles go out: the thrust that is asked for, stop, or hands off.
