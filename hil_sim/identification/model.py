@@ -35,7 +35,7 @@ LEAST_ADDED: Final = 0.05
 the mass."""
 
 
-class Sway(NamedTuple):
+class Parameter(NamedTuple):
     """A parameter: how it is called, and how far it may lie from the vessel's file."""
 
     name: str
@@ -44,37 +44,37 @@ class Sway(NamedTuple):
 
 
 HULL: Final = (
-    Sway("surge_added_mass", 0.8),
-    Sway("sway_added_mass", 0.8),
-    Sway("yaw_inertia", 0.5),
-    Sway("surge_drag", 0.6),
-    Sway("surge_linear_share", 1.5),
-    Sway("sway_drag", 1.0),
-    Sway("sway_linear_share", 1.5),
-    Sway("yaw_drag", 1.0),
-    Sway("yaw_linear_share", 1.5),
-    Sway("thrust_ahead", 0.35),
-    Sway("ahead_1", 0.8),
-    Sway("ahead_2", 0.6),
-    Sway("ahead_3", 0.4),
-    Sway("ahead_4", 0.3),
-    Sway("dead_ahead", 1.0),
-    Sway("thrust_astern", 0.5),
-    Sway("astern_1", 0.8),
-    Sway("astern_2", 0.6),
-    Sway("astern_3", 0.4),
-    Sway("astern_4", 0.3),
-    Sway("dead_astern", 1.0),
-    Sway("lag", 1.2),
-    Sway("right_by_left", 0.05),
-    Sway("wind_moment", 0.7),
-    Sway("centre_ahead", 0.04),
+    Parameter("surge_added_mass", 0.8),
+    Parameter("sway_added_mass", 0.8),
+    Parameter("yaw_inertia", 0.5),
+    Parameter("surge_drag", 0.6),
+    Parameter("surge_linear_share", 1.5),
+    Parameter("sway_drag", 1.0),
+    Parameter("sway_linear_share", 1.5),
+    Parameter("yaw_drag", 1.0),
+    Parameter("yaw_linear_share", 1.5),
+    Parameter("thrust_ahead", 0.35),
+    Parameter("ahead_1", 0.8),
+    Parameter("ahead_2", 0.6),
+    Parameter("ahead_3", 0.4),
+    Parameter("ahead_4", 0.3),
+    Parameter("dead_ahead", 1.0),
+    Parameter("thrust_astern", 0.5),
+    Parameter("astern_1", 0.8),
+    Parameter("astern_2", 0.6),
+    Parameter("astern_3", 0.4),
+    Parameter("astern_4", 0.3),
+    Parameter("dead_astern", 1.0),
+    Parameter("lag", 1.2),
+    Parameter("right_by_left", 0.05),
+    Parameter("wind_moment", 0.7),
+    Parameter("centre_ahead", 0.04),
 )
 DAY: Final = (
-    Sway("wind_north", 8.0),
-    Sway("wind_east", 8.0),
-    Sway("current_north", 0.5),
-    Sway("current_east", 0.5),
+    Parameter("wind_north", 8.0),
+    Parameter("wind_east", 8.0),
+    Parameter("current_north", 0.5),
+    Parameter("current_east", 0.5),
 )
 """Of every day, after the hull's."""
 
