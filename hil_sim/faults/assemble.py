@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -33,7 +34,7 @@ def faulty_crew(
         What messages' fates are drawn from.
     """
     rigs = [
-        Rig(vessel, config.autopilot.system_id, lambda: world.time_s)
+        Rig(vessel, config.autopilot.system_id, lambda: world.time_s, partial(world.push, vessel))
         for vessel, config in enumerate(configs)
     ]
 

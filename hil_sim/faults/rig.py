@@ -38,9 +38,19 @@ class Berth:
 class Rig:
     """One vessel's lines, its autopilot, and the connection of its runtime."""
 
-    def __init__(self, vessel: int, system_id: int, clock: Callable[[], float]) -> None:
-        """Start its autopilot, on a port of its own; `clock` is that of the lines' delays."""
+    def __init__(
+        self,
+        vessel: int,
+        system_id: int,
+        clock: Callable[[], float],
+        push: Callable[[tuple[float, float]], None] = lambda _force_N: None,
+    ) -> None:
+        """Start its autopilot, on a port of its own.
+
+        `clock` is that of the lines' delays; `push` lets a force act on the vessel, north and east.
+        """
         self.vessel = vessel
+        self.push = push
         self.system_id = system_id
         self.lines = {name: Line() for name in (*TOPICS, "to_autopilot", "from_autopilot")}
         """By topic, and by direction of MAVLink."""

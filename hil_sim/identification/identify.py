@@ -61,6 +61,10 @@ from twinscrew.runtime.vessel_description import (
 
 Array = NDArray[np.float64]
 
+WORSE: Final = 1.5
+"""[-] A file that predicts so many times as badly as a fit is out of date, ..."""
+MATTERS: Final = 0.1
+"""[-] ... if its error after 5 s is more than this share of the length."""
 NOT_TOLD: Final = 0.6
 """[-] A number whose standard error is more than this share of what it was before, was not told."""
 TWICE: Final = math.log(1.5)
@@ -113,7 +117,9 @@ class Identification:
     warnings: tuple[str, ...]
     """What does not fit, and what the trials cannot tell."""
     contradiction: str
-    """How the vessel's file contradicts the trials; empty if it does not."""
+    """How mass and thrust of the vessel's file contradict the trials; empty if they do not."""
+    outdated: str
+    """How much worse the file predicts than what was identified; empty if it does not matter."""
     seconds: float
     """[s] Of motion that was used."""
     held_out_s: float
@@ -139,6 +145,7 @@ class Identification:
             },
             "weather": list(self.weather),
             "contradiction": self.contradiction,
+            "outdated": self.outdated,
             "warnings": list(self.warnings),
             "seconds": round(self.seconds, 1),
             "held_out_s": round(self.held_out_s, 1),
@@ -212,7 +219,6 @@ def identify(
         described = describe(table_of(table), key=known.key)
     except ConfigError as error:
         raise ConfigError(f"what was identified is no vessel: {error}") from error
-    contradiction = _contradiction(problem, final, draws, validation, before)
     warnings += _not_told(problem, told)
     if validation.position_rmse_5s_m > 0.2 * known.length_m:
         warnings.append(
@@ -231,7 +237,8 @@ def identify(
             for day in per_day
         ),
         warnings=tuple(warnings),
-        contradiction=contradiction,
+        contradiction=_contradiction(problem, final, draws),
+        outdated=_outdated(known, validation, before),
         seconds=sum(len(piece.time_s) for piece in pieces) * DT_S,
         held_out_s=len(np.unique(test.block)) * BLOCK_S,
         shown=_shown(problem, pieces, test, theta, given, final, draws),
@@ -251,9 +258,8 @@ def check(recordings: Sequence[Path], vessel: str | VesselDescription) -> tuple[
         f"predicts 5 s to {found.given.position_rmse_5s_m:.2f} m, a fit to "
         f"{found.validation.position_rmse_5s_m:.2f} m (length {length:g} m)"
     )
-    if not found.contradiction:
-        return True, words
-    return False, f"{words}; {found.contradiction}"
+    wrong = found.contradiction or found.outdated
+    return not wrong, f"{words}; {wrong}" if wrong else words
 
 
 def _validation(problem: Problem, theta: Array, windows: Windows) -> Validation:
@@ -365,10 +371,8 @@ def _not_told(problem: Problem, told: NDArray[np.bool_]) -> list[str]:
     return [fixed, *([f"the trials do not tell {', '.join(missing)}"] if missing else [])]
 
 
-def _contradiction(
-    problem: Problem, theta: Array, draws: Array, fitted: Validation, given: Validation
-) -> str:
-    """Say how the file contradicts the trials: by force per mass, or by its predictions."""
+def _contradiction(problem: Problem, theta: Array, draws: Array) -> str:
+    """Say how the file contradicts the trials by its force per mass."""
     vessel = problem.prior.vessel
     ratios = [
         values(x, problem.prior).full[:, 0] / values(x, problem.prior).mass[:, 0]
@@ -377,8 +381,6 @@ def _contradiction(
     known = vessel.thrusters.max_n / vessel.plane_inertia[0]
     share = float(ratios[0][0] / known)
     low, high = (float(np.percentile(ratios[1], q) / known) for q in (2.5, 97.5))
-    worse = given.position_rmse_5s_m > 1.5 * fitted.position_rmse_5s_m
-    matters = given.position_rmse_5s_m > 0.1 * vessel.length_m
     if abs(math.log(share)) > TWICE and not low <= 1.0 <= high:
         return (
             f"full thrust accelerates the boat {share:.2f} times ({low:.2f} to {high:.2f}) as much "
@@ -387,13 +389,19 @@ def _contradiction(
             f"{vessel.mass_kg / share:.3g} kg; if the mass is right, the thrust is "
             f"{vessel.thrusters.max_n * share:.3g} N"
         )
-    if worse and matters:
-        ratio = given.position_rmse_5s_m / max(fitted.position_rmse_5s_m, 1e-9)
-        return (
-            f"the file's vessel predicts 5 s {ratio:.1f} times as badly as one that fits "
-            f"({given.position_rmse_5s_m:.2f} m, {fitted.position_rmse_5s_m:.2f} m)"
-        )
     return ""
+
+
+def _outdated(vessel: VesselDescription, fitted: Validation, given: Validation) -> str:
+    """Say how much worse the file predicts than what fits, if that matters."""
+    ratio = given.position_rmse_5s_m / max(fitted.position_rmse_5s_m, 1e-9)
+    if ratio < WORSE or given.position_rmse_5s_m < MATTERS * vessel.length_m:
+        return ""
+    return (
+        f"the file's vessel predicts 5 s {ratio:.1f} times as badly as one that fits "
+        f"({given.position_rmse_5s_m:.2f} m, {fitted.position_rmse_5s_m:.2f} m): "
+        "identify it again"
+    )
 
 
 def _table(problem: Problem, theta: Array) -> dict[str, Any]:

@@ -13,7 +13,10 @@ import typer
 from twinscrew.runtime.vessel import one_thread  # noqa: F401  (before anything loads a library)
 
 # isort: split
+from msgspec.structs import replace
+
 from twinscrew.runtime.vessel.approval import Approved, load_approved
+from twinscrew.runtime.vessel.consent import place_of, take
 from twinscrew.runtime.vessel.process import StopRequest, at_end_of_input, take_priority
 
 if TYPE_CHECKING:
@@ -32,7 +35,10 @@ def run(
         bool, typer.Option("--tethered", help="Stop, too, when standard input ends.")
     ] = False,
 ) -> None:
-    """Run one vessel's runtime until it is told to stop (SIGINT or SIGTERM)."""
+    """Run one vessel's runtime until it is told to stop (SIGINT or SIGTERM).
+
+    With `autopilot.arm = true` it asks for arming only after `twinscrew consent`, once.
+    """
     serve(load_approved(config, manifest, public_key), config, tethered=tethered)
 
 
@@ -53,6 +59,12 @@ def serve(
     refused = take_priority(settings.priority)
     for words in refused:
         say(settings.name, f"ordinary priority: {words}")
+    withheld = None
+    if settings.autopilot.arm:
+        withheld = take(place_of(source, settings.autopilot.consent_file))
+    if withheld is not None:
+        settings = replace(settings, autopilot=replace(settings.autopilot, arm=False))
+        say(settings.name, f"asks for no arming: {withheld}")
     from twinscrew.runtime.vessel.realtime import run_vessel  # Zenoh, after the priority
 
     summary = run_vessel(
@@ -62,6 +74,7 @@ def serve(
         until=until,
         refused=refused,
         approval=str(approved.approval or ""),
+        withheld=withheld or "",
         ready=lambda: say(settings.name, "running"),
     )
     say(settings.name, f"{summary.decisions} decisions, stopped")
