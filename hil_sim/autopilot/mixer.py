@@ -103,7 +103,7 @@ class Mixer:
         if self._least > 0.0:
             size = self._least + size * (1.0 - self._least)
         e = self._expo
-        if e != 0.0 and -1.0 <= e <= 1.0:
+        if 1e-6 < abs(e) <= 1.0:
             size = (e - 1.0 + math.sqrt((1.0 - e) ** 2 + 4.0 * e * size)) / (2.0 * e)
         return math.copysign(size, throttle)
 

@@ -140,7 +140,7 @@ class Output:
         self._trim = values.get(f"SERVO{number}_TRIM", STOP_US)
         self._high = values.get(f"SERVO{number}_MAX", STOP_US + SPAN_US)
         expo, least = values.get("MOT_THST_EXPO", 0.0), values.get("MOT_THR_MIN", 0.0) / 100.0
-        self._expo = expo if -1.0 <= expo <= 1.0 else 0.0
+        self._expo = expo if 1e-6 < abs(expo) <= 1.0 else 0.0
         self._least = least if 0.0 < least < 1.0 else 0.0
         in_order = self._low < self._trim < self._high
         self.is_straight = not in_order or (
