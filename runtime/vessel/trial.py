@@ -36,6 +36,7 @@ from twinscrew.runtime.messages.types import (
     Odometry,
     Tracks,
 )
+from twinscrew.runtime.policy.observation import PAPER
 from twinscrew.runtime.safety.events import (
     TRIAL_BEGUN,
     TRIAL_DONE,
@@ -161,6 +162,8 @@ class Trial:
 
     period_s = 0.1
     """[s] The thrust changes with every scan."""
+    shown = PAPER
+    """It looks at nothing of it."""
 
     def __init__(
         self, settings: TrialSettings, vessel: VesselDescription, limits: ThrustLimits

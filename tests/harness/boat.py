@@ -32,6 +32,7 @@ from twinscrew.runtime.messages.types import (
 from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.load import Policy
+from twinscrew.runtime.policy.observation import PAPER
 from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.guard import Guard, ThrustLimits
 from twinscrew.runtime.tracking.tracker import Tracker
@@ -53,6 +54,7 @@ class Steady:
     """A policy that always asks for the same rate, and can be told to fail."""
 
     name = "steady"
+    shown = PAPER
 
     def __init__(self, rate: tuple[float, float] = (100.0, 100.0), period_s: float = 0.5) -> None:
         self.period_s = period_s
