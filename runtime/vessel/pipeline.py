@@ -282,15 +282,18 @@ class Pipeline:
         return Driven(observation, None, overridden)
 
     def _try(self, trial: Trial, odometry: Odometry, tracks: Tracks, *, idle: bool) -> Driven:
-        """Sail a trial's manoeuvre; the assurance checks every thrust, as it does a policy's."""
+        """Sail a trial's manoeuvre; the assurance checks every thrust, as it does a policy's.
+
+        A speed limit of the operational envelope does not count: how much wind and current are for
+        this boat is judged by the vessel's file, which the trial is to find out. The trial has a
+        limit of its own.
+        """
         stamp_ns, before = odometry.stamp_ns, self._thrust
         ended: list[HealthEvent] = []
         if idle:
             ended = trial.interrupt(stamp_ns, "the thrust does not act, or nothing is seen")
         elif self.mission.orders != self._orders_before_trial:
             ended = trial.interrupt(stamp_ns, "an order came")
-        elif self.speed_limit is not None:
-            ended = trial.interrupt(stamp_ns, "the operational envelope asks for less speed")
         if idle or not self.has_task:
             return self._stop()._replace(overridden=tuple(ended))
         self._thrust, events = trial.step(odometry, tracks)
