@@ -134,7 +134,7 @@ class Problem:
             return np.hstack([self._residuals(full, windows, scale), x / sigma])
 
         def residuals(x: Array) -> Array:
-            return np.clip(whole(x[None])[0], -1e6, 1e6)
+            return np.asarray(np.clip(whole(x[None])[0], -1e6, 1e6))
 
         def jacobian(x: Array) -> Array:
             step = 1e-4 * sigma

@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, version
 from importlib.util import find_spec
 from pathlib import Path
@@ -419,9 +420,7 @@ def check_recordings(config: RuntimeConfig, recordings: Sequence[Path]) -> list[
     if not any(_is_installed(check) for check in checks):
         advice = "do it at a desk: pip install 'twinscrew[sim]'"
         return [warn("recordings", "the simulator is not installed", advice)]
-    return [
-        _guarded(check.name, lambda c=check: _compared(c, config, recordings)) for check in checks
-    ]
+    return [_guarded(check.name, partial(_compared, check, config, recordings)) for check in checks]
 
 
 def _is_installed(check: EntryPoint) -> bool:

@@ -482,7 +482,8 @@ class Trial:
         """[m] [N] Where the boat is, seen from the middle of the box."""
         assert self._box is not None  # noqa: S101  (`_begin` made it)
         south, west, north, east = self._box
-        return self._now_.place_N - np.array([(south + north) / 2.0, (west + east) / 2.0])
+        offset: Float64 = self._now_.place_N - np.array([south + north, west + east]) / 2.0
+        return offset
 
     def _brake(self, heading: float) -> Script:
         """Take the way off, with thrust against it."""
