@@ -12,7 +12,7 @@ from pathlib import Path
 
 FOREIGN = ("torch", "aiohttp", "twinscrew.training", "twinscrew.export", "twinscrew.hil_sim")
 """What a boat does not carry."""
-COMMANDS = ("run", "replay", "doctor", "manifest")
+COMMANDS = ("run", "send", "replay", "doctor", "manifest")
 """The commands of a boat."""
 PACKAGED = ("Python", "packages", "native kernels", "sensor", "policy")
 """The doctor's lines that are about the installation; the others are about the machine."""

@@ -7,22 +7,24 @@ from pathlib import Path
 
 from twinscrew.hil_sim.faults.plan import load_plan
 from twinscrew.hil_sim.figures import draw_trajectories
+from twinscrew.hil_sim.lidar import LidarSettings
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sitl_report import SitlReport, vessel_reports
 from twinscrew.hil_sim.sitl_runtimes import runtime_config
-from twinscrew.hil_sim.sitl_settings import SitlSettings, check
+from twinscrew.hil_sim.sitl_settings import Interface, SitlSettings, check
 from twinscrew.hil_sim.sitl_voyages import (
     Progress,
     Sailed,
     Setup,
     Tell,
+    sail_as_vrx,
     sail_in_real_time,
     sail_in_step,
     sail_with_faults,
 )
 from twinscrew.hil_sim.supervisor import Result
 from twinscrew.hil_sim.viewer.scene import OutcomeLog
-from twinscrew.hil_sim.world import World, make_world
+from twinscrew.hil_sim.world import EPOCH_NS, World, WorldSettings, make_world
 from twinscrew.runtime.errors import ConfigError
 
 __all__ = ["SitlReport", "SitlSettings", "sail"]
@@ -47,7 +49,8 @@ def sail(
     """
     check(settings)
     plan = load_plan(settings.faults, scenario.names) if settings.faults else None
-    world = make_world(scenario, sensor=settings.sensor, seed=settings.seed)
+    vrx = settings.interface is Interface.VRX
+    world = _vrx_world(scenario, settings) if vrx else _world(scenario, settings)
     folders = [folder / name for name in scenario.names] if folder else []
     configs = [
         runtime_config(settings, scenario, i, folders[i] if folders else None)
@@ -62,7 +65,9 @@ def sail(
         tell=tell,
     )
     begin_s = time.monotonic()
-    if settings.lockstep:
+    if vrx:
+        sailed = sail_as_vrx(setup)
+    elif settings.lockstep:
         sailed = sail_in_step(setup)
     elif folder is None:
         raise ConfigError("real time needs a folder for the runtimes' files", key="out")
@@ -74,6 +79,20 @@ def sail(
     if folder is not None:
         _draw(folder / "trajectories.png", scenario, sailed, report)
     return report
+
+
+def _world(scenario: Scenario, settings: SitlSettings) -> World:
+    """Give the simulated world; in real time its stamps are those of this machine's clock."""
+    epoch_ns = EPOCH_NS if settings.lockstep else time.time_ns()
+    return make_world(scenario, sensor=settings.sensor, seed=settings.seed, epoch_ns=epoch_ns)
+
+
+def _vrx_world(scenario: Scenario, settings: SitlSettings) -> World:
+    """Give a world as Gazebo's: clouds of one point a ray, time from zero."""
+    whole = WorldSettings(lidar=LidarSettings(organised=True))
+    return make_world(
+        scenario, sensor=settings.sensor, seed=settings.seed, settings=whole, epoch_ns=0
+    )
 
 
 def _noted(progress: Progress | None, folder: Path | None, world: World) -> Progress | None:

@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from twinscrew.hil_sim.autopilot.telemetry import Origin
+from twinscrew.hil_sim.drivers.processes import LOOPBACK, free_port
 from twinscrew.hil_sim.scenario import Scenario
-from twinscrew.hil_sim.sitl_settings import OdometrySource, SitlSettings
+from twinscrew.hil_sim.sitl_settings import Interface, OdometrySource, SitlSettings
+from twinscrew.runtime.bus.zenoh import DEFAULT_PORT, ZenohSettings
 from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.ground.report import GroundSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig, config_for
@@ -47,6 +49,7 @@ def runtime_config(
         autopilot=_autopilot(settings, vessel),
         trial=_trial(settings, kind),
         ground=ALL_TOLD if settings.ground else GroundSettings(),
+        bus={"key_format": settings.key_format, "domain": settings.domain},
         recording={
             "folder": str(folder or ""),
             "about": {"scenario": scenario.name, "seed": str(settings.seed)},
@@ -60,6 +63,26 @@ def _trial(settings: SitlSettings, kind: VesselDescription) -> dict[str, Any]:
         return {}
     around_m = room_m(settings.trial, kind)
     return {"name": settings.trial, "around_m": around_m, "max_time_s": settings.trial_time_s}
+
+
+def simulator_zenoh(settings: SitlSettings) -> ZenohSettings:
+    """Give how the simulator's Zenoh is reached, and whom it reaches.
+
+    Where no router is named it is one: ROS 2's nodes look for `rmw_zenohd` on port 7447.
+    """
+    vrx = settings.interface is Interface.VRX
+    port = settings.zenoh_port
+    if port is None:
+        port = DEFAULT_PORT if vrx and not settings.zenoh_connect else free_port()
+    routes = settings.key_format != "ros2dds" and not settings.zenoh_connect
+    return ZenohSettings(
+        mode="router" if routes else "peer",
+        listen=(f"tcp/{LOOPBACK}:{port or free_port()}",),
+        connect=settings.zenoh_connect,
+        key_format=settings.key_format,
+        domain=settings.domain,
+        node="simulator",
+    )
 
 
 def _autopilot(settings: SitlSettings, vessel: int) -> dict[str, Any]:

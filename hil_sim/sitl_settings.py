@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from enum import Enum
+from typing import Annotated
+
+from msgspec import Meta
 
 from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotSettings
 from twinscrew.hil_sim.sensors.navigation import NavigationSettings
 from twinscrew.runtime.errors import ConfigError, one_of
+from twinscrew.runtime.messages.topics import KeyFormat
 from twinscrew.runtime.settings import Positive, Settings
 from twinscrew.runtime.vessel.trial import TRIALS
 
@@ -18,6 +22,15 @@ class AutopilotKind(Enum):
     """Our simulated ones."""
     ARDUPILOT = "ardupilot"
     """A real ArduRover a vessel, whose physics the simulator is."""
+
+
+class Interface(Enum):
+    """What the simulated vessels are to those who drive them."""
+
+    TWINSCREW = "twinscrew"
+    """Boats with an autopilot, whose runtimes are started with them."""
+    VRX = "vrx"
+    """A stand-in of VRX: topics, and nobody aboard. You start what drives them."""
 
 
 class OdometrySource(Enum):
@@ -58,6 +71,15 @@ class SitlSettings(Settings, frozen=True):
     """A file of faults, or the name of one in config/faults; empty: none."""
     write_params: bool = False
     """Whether the runtimes write the autopilots' parameters that are not what they must be."""
+    interface: Interface = Interface.TWINSCREW
+    key_format: KeyFormat = "ros2dds"
+    """Whose Zenoh keys simulator and runtimes use."""
+    domain: Annotated[int, Meta(ge=0, le=232)] = 0
+    """[-] ROS_DOMAIN_ID; rmw_zenoh's keys hold it."""
+    zenoh_port: Annotated[int, Meta(ge=0, le=65535)] | None = None
+    """Where the simulator's Zenoh listens on this machine; None: 7447 for VRX, else any."""
+    zenoh_connect: tuple[str, ...] = ()
+    """A router that is there already, as "tcp/127.0.0.1:7447"; none: the simulator is one."""
     ground: str = ""
     """HOST:PORT where a ground station listens for the autopilots (UDP); empty: there is none."""
 
@@ -92,5 +114,27 @@ def check(settings: SitlSettings) -> None:
         raise ConfigError("not together with faults", key="trial")
     if settings.believed and not ours:
         raise ConfigError("only with our autopilots", key="believed")
+    zenoh = settings.zenoh_port is not None or settings.zenoh_connect
+    if settings.lockstep and (zenoh or settings.key_format != "ros2dds"):
+        raise ConfigError("Zenoh joins others in real time only: without --lockstep", key="zenoh")
+    if settings.interface is Interface.VRX:
+        _check_vrx(settings)
     if settings.faults and (settings.lockstep or settings.ground or not ours):
         raise ConfigError("only in real time, with our autopilots and no station", key="faults")
+
+
+def _check_vrx(settings: SitlSettings) -> None:
+    defaults = SitlSettings()
+    for key in (
+        "lockstep",
+        "trial",
+        "believed",
+        "autopilot",
+        "odometry",
+        "write_params",
+        "faults",
+        "ground",
+    ):
+        if getattr(settings, key) != getattr(defaults, key):
+            words = "has no meaning with --interface vrx: you start what drives the vessels"
+            raise ConfigError(words, key=key)

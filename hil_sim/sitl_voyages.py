@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -14,13 +15,16 @@ from twinscrew.hil_sim.drivers.lockstep import LockstepCrew, ProcessCrew
 from twinscrew.hil_sim.drivers.processes import punctual
 from twinscrew.hil_sim.drivers.realtime import Fleet, RealtimeCrew, simulated_fleet
 from twinscrew.hil_sim.drivers.voyage import DOCK_LIMIT_S, Crew, Voyage, VoyageResult
+from twinscrew.hil_sim.drivers.vrx import Vrx
 from twinscrew.hil_sim.faults.assemble import faulty_crew, plans_by_vessel, verdicts
 from twinscrew.hil_sim.faults.plan import FaultPlan
 from twinscrew.hil_sim.faults.verdict import Verdict
 from twinscrew.hil_sim.sensors.navigation import Navigation
+from twinscrew.hil_sim.sitl_runtimes import simulator_zenoh
 from twinscrew.hil_sim.sitl_settings import OdometrySource, SitlSettings
 from twinscrew.hil_sim.supervisor import Result
 from twinscrew.hil_sim.world import World
+from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.link.ardupilot.thrust import PaddleSettings
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.settings import convert
@@ -79,9 +83,26 @@ def sail_in_real_time(setup: Setup) -> Sailed:
     """Sail with a process a runtime."""
     fleet = _fleet(setup)
     tell = setup.tell if fleet is not None else None
-    with RealtimeCrew(setup.configs, setup.folders, fleet, tell) as crew:
+    zenoh = simulator_zenoh(setup.settings)
+    with RealtimeCrew(setup.configs, setup.folders, fleet, tell, zenoh=zenoh) as crew:
         result = _sail(setup, crew)
     return Sailed(result, [read_summary(folder) for folder in setup.folders])
+
+
+def sail_as_vrx(setup: Setup) -> Sailed:
+    """Be the simulator alone, as VRX is, until whoever drives the vessels has sailed them."""
+    settings, world = setup.settings, setup.world
+    with closing(ZenohBus(simulator_zenoh(settings), world.scenario.names[0])) as bus:
+        vrx = Vrx(
+            world,
+            bus,
+            scan_s=1.0 / load_sensor(settings.sensor).rate_hz,
+            navigation=Navigation(world, settings.navigation),
+            progress=setup.progress,
+            tell=setup.tell,
+        )
+        result = vrx.run()
+    return Sailed(result, [RunSummary(name=name) for name in world.scenario.names])
 
 
 def sail_with_faults(setup: Setup, plan: FaultPlan) -> Sailed:

@@ -17,9 +17,11 @@ from rich.markup import escape
 from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotSettings
 from twinscrew.hil_sim.commands.sitl_answer import tell
 from twinscrew.hil_sim.commands.sitl_progress import sail_shown
+from twinscrew.hil_sim.drivers.vrx import as_vrx_names_it
 from twinscrew.hil_sim.scenario import Scenario, load_scenario, on_trial
 from twinscrew.hil_sim.sitl_settings import (
     AutopilotKind,
+    Interface,
     OdometrySource,
     SitlSettings,
     check,
@@ -28,6 +30,7 @@ from twinscrew.hil_sim.summary import write_summary
 from twinscrew.hil_sim.viewer.process import viewer
 from twinscrew.hil_sim.viewer.scene import SCENE_FILE, write_scene
 from twinscrew.runtime.errors import ConfigError, TwinscrewError
+from twinscrew.runtime.messages.topics import KeyFormat
 
 NOT_ALL_ARRIVED = 1
 
@@ -105,6 +108,29 @@ def sitl(
         str,
         typer.Option(help="HOST:PORT where a ground station listens (UDP), as 127.0.0.1:14550."),
     ] = "",
+    interface: Annotated[
+        Interface,
+        typer.Option(help="vrx: the simulator alone, behind VRX's topics; you start the runtime."),
+    ] = Interface.TWINSCREW,
+    sensor: Annotated[
+        str, typer.Option(help="The LiDAR: a name in config/sensors, or a file.")
+    ] = SitlSettings().sensor,
+    key_format: Annotated[
+        KeyFormat, typer.Option(help="Zenoh keys of zenoh-bridge-ros2dds, or of ROS 2's rmw_zenoh.")
+    ] = "ros2dds",
+    domain: Annotated[
+        int, typer.Option(help="ROS_DOMAIN_ID, for rmw_zenoh's keys.", min=0, max=232)
+    ] = 0,
+    zenoh_port: Annotated[
+        int | None,
+        typer.Option(
+            help="Where Zenoh listens on this machine; 7447 for vrx, else any.", min=0, max=65535
+        ),
+    ] = None,
+    zenoh_connect: Annotated[
+        list[str] | None,
+        typer.Option(help="A Zenoh router to join, as tcp/127.0.0.1:7447; without it, be one."),
+    ] = None,
     faults: Annotated[
         str, typer.Option(help="What goes wrong: a TOML file, or a name in config/faults.")
     ] = "",
@@ -118,6 +144,8 @@ def sitl(
     if trial and vessels is None and scenario == "random":
         vessels = max(1, len(vessel or ()))
     made = _with_limit(load_scenario(scenario, vessels, buoys, seed, vessel or ()), max_time)
+    if interface is Interface.VRX:
+        made = as_vrx_names_it(made)
     if orders and (lockstep or not view):
         raise ConfigError("only with --view, and in real time", key="--orders")
     if ardupilot_binary is not None and autopilot is not AutopilotKind.ARDUPILOT:
@@ -142,6 +170,12 @@ def sitl(
         write_params=write_params,
         faults=faults,
         ground=ground,
+        interface=interface,
+        sensor=sensor,
+        key_format=key_format,
+        domain=domain,
+        zenoh_port=zenoh_port,
+        zenoh_connect=tuple(zenoh_connect or ()),
     )
     if trial:
         check(settings)

@@ -211,6 +211,7 @@ class RealtimeCrew:
         fleet: Fleet | None = None,
         tell: Callable[[str], None] | None = None,
         reroute: Callable[[int, int], int] | None = None,
+        zenoh: ZenohSettings | None = None,
     ) -> None:
         """Prepare the crew.
 
@@ -227,6 +228,8 @@ class RealtimeCrew:
         reroute
             Gives the port to which a vessel's runtime connects, of its index and the simulator's
             port: somebody may stand between them.
+        zenoh
+            The simulator's Zenoh, which listens at one port of this machine; any by default.
         """
         self._configs = configs
         self._folders = folders
@@ -236,6 +239,9 @@ class RealtimeCrew:
         )
         self._tell = tell
         self._reroute = reroute or (lambda _vessel, port: port)
+        self._zenoh = zenoh or ZenohSettings(
+            listen=(f"tcp/{LOOPBACK}:{free_port()}",), connect=(), node="simulator"
+        )
         self._buses: list[ZenohBus] = []
         self._runtimes: list[RuntimeProcess] = []
         self._engaged = [False] * len(configs)
@@ -250,14 +256,11 @@ class RealtimeCrew:
         """[s] The most that simulated time fell behind the clock."""
 
     def __enter__(self) -> Self:
-        port = free_port()
-        endpoint = f"tcp/{LOOPBACK}:{port}"
+        (self.endpoint,) = self._zenoh.listen
+        port = int(self.endpoint.rpartition(":")[2])
         names = [config.name for config in self._configs]
         try:
-            self.endpoint = endpoint
-            bus = ZenohBus(
-                ZenohSettings(listen=(endpoint,), connect=(), node="simulator"), names[0]
-            )
+            bus = ZenohBus(self._zenoh, names[0])
             self._buses = [bus.within(name) for name in names]
             for vessel in range(len(self._configs)):
                 self._listen_to(vessel)

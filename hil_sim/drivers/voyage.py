@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -237,9 +237,12 @@ class Voyage:
                 self._measured.pop(i, None)
                 continue
             self._measured[i] = world.odometry(i)
-            self._deliver(i, "odometry", cdr.encode_odometry(self._measured[i]))
+            name = world.scenario.names[i]
+            odometry = cdr.encode_odometry(self._measured[i], child_frame_id=f"{name}/base_link")
+            self._deliver(i, "odometry", odometry)
             if scans:
-                self._deliver(i, "points", cdr.encode_point_cloud(world.cloud(i)))
+                cloud = replace(world.cloud(i), frame_id=f"{name}/lidar_wamv_link")
+                self._deliver(i, "points", cdr.encode_point_cloud(cloud))
 
     def _navigate(self) -> None:
         """Hand on what GPS and IMU have measured meanwhile."""

@@ -22,11 +22,13 @@ from twinscrew.hil_sim.faults.effects import (
     Reordering,
 )
 from twinscrew.hil_sim.faults.ids import Impersonating
-from twinscrew.hil_sim.faults.kinds import KINDS, Cut, Hog, Parameter, Pilot
+from twinscrew.hil_sim.faults.kinds import KINDS, MAVLINK, Cut, Hog, Parameter, Pilot
 from twinscrew.hil_sim.faults.line import Line
 from twinscrew.hil_sim.faults.plan import Fault
 from twinscrew.hil_sim.faults.rig import Rig
 from twinscrew.hil_sim.faults.sensing import Freezing, Jumping, NoisyOdometry, NoisyPoints
+from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.messages import cdr
 
 BUSY = "import os; os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))\nwhile True: pass"
 """A program like any other, whatever priority the simulator has."""
@@ -65,6 +67,9 @@ def action_of(fault: Fault, rig: Rig, crew: RealtimeCrew, rng: Generator) -> Act
     """
     given = cast("Any", fault.settings())
     vessel = rig.vessel
+    if rig.thrusters is not None and fault.target in ("autopilot", *MAVLINK):
+        words = f"{fault.target}: of thrusters by topic there is no autopilot"
+        raise ConfigError(words, key="fault.target")
     match fault.kind, fault.target:
         case "kill", "runtime":
             return Action(lambda: crew.kill(vessel), lambda: crew.start_again(vessel))
@@ -95,6 +100,9 @@ def action_of(fault: Fault, rig: Rig, crew: RealtimeCrew, rng: Generator) -> Act
             )
         case "goal", _:
             return Action(lambda: crew.deliver(vessel, "goal", rig.goal, 0.0), _nothing)
+        case "disable", _:
+            off = cdr.encode_enable(False)
+            return Action(lambda: crew.deliver(vessel, "enable", off, 0.0), _nothing)
     return _on_lines(fault, rig, rng)
 
 

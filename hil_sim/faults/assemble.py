@@ -34,7 +34,13 @@ def faulty_crew(
         What messages' fates are drawn from.
     """
     rigs = [
-        Rig(vessel, config.autopilot.system_id, lambda: world.time_s, partial(world.push, vessel))
+        Rig(
+            vessel,
+            config.autopilot.system_id,
+            lambda: world.time_s,
+            partial(world.push, vessel),
+            by_topic=config.autopilot.kind == "thrust",
+        )
         for vessel, config in enumerate(configs)
     ]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from types import TracebackType
 from typing import NamedTuple, Self
 
@@ -13,7 +14,11 @@ from twinscrew.hil_sim.faults.actions import Action, action_of
 from twinscrew.hil_sim.faults.plan import Fault, FaultPlan
 from twinscrew.hil_sim.faults.rig import TOPICS, Rig
 from twinscrew.hil_sim.faults.witness import Witness
+from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Odometry
+
+ENABLE_EVERY_S = 0.2
+"""[s] How often an operator says that thrusters by topic may be driven."""
 
 
 class Made(NamedTuple):
@@ -66,6 +71,9 @@ class FaultyCrew:
         for rig, witness in zip(self._rigs, self.witnesses, strict=True):
             self._crew.listen(rig.vessel, "diagnostics", witness.hear)
             self._crew.listen(rig.vessel, "decision", witness.read)
+            if rig.thrusters is not None:
+                for side, topic in enumerate(("thrust_left", "thrust_right")):
+                    self._crew.listen(rig.vessel, topic, partial(rig.thrusters.take, side))
         return self
 
     @property
@@ -108,8 +116,12 @@ class FaultyCrew:
         for topic in TOPICS:
             for arrived in rig.lines[topic].due(now_s):
                 self._crew.deliver(vessel, topic, arrived, now_s)
+        if rig.thrusters is not None and now_s - rig.enable_s >= ENABLE_EVERY_S:
+            rig.enable_s = now_s
+            for arrived in rig.lines["enable"].put(cdr.encode_enable(True), now_s):
+                self._crew.deliver(vessel, "enable", arrived, now_s)
         self._crew.exchange(vessel, now_s, odometry)
-        autopilot, speed_m_s = rig.autopilot, float(np.hypot(*odometry.velocity_B[:2]))
+        autopilot, speed_m_s = rig.net.autopilot, float(np.hypot(*odometry.velocity_B[:2]))
         self.witnesses[vessel].look(autopilot.thrust_command_N(), autopilot.bridge, speed_m_s)
 
     def is_ready(self, vessel: int) -> bool:

@@ -11,7 +11,7 @@ from msgspec import Meta
 from twinscrew.runtime.settings import Count, Fraction, NonNegative, Positive, Settings
 
 SENSORS: Final = ("points", "odometry", "gps", "imu", "sensors")
-TOPICS: Final = (*SENSORS, "goal")
+TOPICS: Final = (*SENSORS, "goal", "enable")
 """`sensors` is all of them: a clock that they share, or a cable."""
 MAVLINK: Final = ("to_autopilot", "from_autopilot", "mavlink")
 """Directions of the line to the autopilot; `mavlink` is both."""
@@ -174,9 +174,10 @@ KINDS: Final[Mapping[str, Kind]] = {
     "goal": Kind(("runtime",), Nothing),
     "push": Kind(("vessel",), Push),
     "silence": Kind(("station",), Nothing),
+    "disable": Kind(("enable",), Nothing),
 }
-"""Every kind. `kill` and `hang` end with a restart; `goal` is an operator who sends it again;
-`silence` is a ground station that is heard no more."""
+"""Every kind. `kill` and `hang` end with a restart; `goal` is an operator who sends it again,
+`disable` one who takes the enable back; `silence` is a ground station that is heard no more."""
 
-AT_ONCE: Final = ("pilot", "streams", "goal")
+AT_ONCE: Final = ("pilot", "streams", "goal", "disable")
 """Kinds that happen and are over."""

@@ -82,6 +82,8 @@ class FaultPlan(Settings, frozen=True):
 
     fault: Annotated[tuple[Fault, ...], Meta(min_length=1)]
     promise: Promise | None = None
+    autopilot: Literal["ardupilot", "thrust"] = "ardupilot"
+    """How the boat is driven: by an autopilot, or by thrusters that take newtons by topic."""
     alone: bool = False
     """Whether the faults concern the whole machine, so that nothing else can be tried meanwhile."""
     settle_s: Positive = 4.0
@@ -110,6 +112,9 @@ def load_plan(name: str | Path, vessels: tuple[str, ...] = ()) -> FaultPlan:
     """
     path = shipped("faults", name)
     plan = load(path, FaultPlan)
+    if plan.autopilot == "thrust" and vessels:
+        words = "thrusters by topic are tried with `twinscrew faults --only` alone"
+        raise ConfigError(words, file=path, key="autopilot")
     for number, fault in enumerate(plan.fault):
         _check(fault, f"fault[{number}]", path, vessels)
     return replace(plan, name=path.stem)

@@ -50,17 +50,22 @@ def try_out(
     scenario = lanes(len(plans), duration_s)
     world = make_world(scenario, sensor=SENSOR, seed=seed)
     folders = [folder / plan.name for plan in plans]
-    configs = [config_of(scenario.names[i], i + 1, folders[i]) for i in range(len(plans))]
+    configs = [
+        config_of(scenario.names[i], i + 1, folders[i], plan.autopilot)
+        for i, plan in enumerate(plans)
+    ]
     with punctual(), faulty_crew(world, configs, folders, plans, seed) as crew:
         Voyage(world, crew, scan_s=1.0 / load_sensor(SENSOR).rate_hz).run()
     return list(verdicts(crew, plans, folders).values())
 
 
-def config_of(name: str, system_id: int, folder: Path) -> RuntimeConfig:
+def config_of(name: str, system_id: int, folder: Path, kind: str = "ardupilot") -> RuntimeConfig:
     """Give the configuration of a vessel whose troubles are watched."""
     return RuntimeConfig(
         name=name,
         sensor=SENSOR,
-        autopilot=AutopilotSettings(system_id=system_id, arm=True, receiver_fitted=False),
+        autopilot=AutopilotSettings(
+            kind=kind, system_id=system_id, arm=True, receiver_fitted=False
+        ),
         recording=RecordingSettings(folder=str(folder)),
     )

@@ -96,7 +96,7 @@ def soak(
 def plans_for(vessel: int) -> list[FaultPlan]:
     """Give the shipped faults that may happen to a vessel; only the first one's runtime dies."""
     names = sorted(path.stem for path in (CONFIG_DIR / "faults").glob("*.toml"))
-    shipped = map(load_plan, names)
+    shipped = [plan for plan in map(load_plan, names) if plan.autopilot == "ardupilot"]
     plans = [plan for plan in shipped if comes_to_an_end(plan) and fits_under_way(plan)]
     return plans if vessel == 0 else [plan for plan in plans if spares_the_runtime(plan)]
 

@@ -206,12 +206,13 @@ class LiveSource:
             return f"refused: there is no vessel {order.vessel!r}"
         bus, stamp_ns = self._bus.within(order.vessel), time.time_ns()
         if order.goal is None:
-            bus.publish("route", cdr.encode_path(np.empty((0, 2)), stamp_ns=stamp_ns))
+            bus.publish("route", cdr.encode_path(np.empty((0, 2)), stamp_ns=stamp_ns, frame_id=""))
             return f"{order.vessel}: told to stop"
         place = np.array(order.goal)
         if not np.isfinite(place).all() or np.abs(place).max() > 1e6:
             return "refused: that place is nowhere"
-        bus.publish("goal", cdr.encode_goal(Goal(stamp_ns=stamp_ns, position_N=place)))
+        goal = Goal(stamp_ns=stamp_ns, position_N=place)
+        bus.publish("goal", cdr.encode_goal(goal, frame_id=""))  # in the vessel's own frame
         return f"{order.vessel}: sent to north {place[0]:.1f} m, east {place[1]:.1f} m"
 
     def close(self) -> None:

@@ -10,12 +10,14 @@ import time
 import uuid
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from dataclasses import replace
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, cast
 
 import zenoh
-from msgspec import Meta
+from msgspec import Meta, field
 
 from twinscrew.runtime.bus.base import (
     Received,
@@ -25,9 +27,17 @@ from twinscrew.runtime.bus.base import (
     find_topic,
     source_time_ns,
 )
-from twinscrew.runtime.errors import BusError, ConfigError
+from twinscrew.runtime.errors import BusError, ConfigError, one_of
 from twinscrew.runtime.files import read_file, require_private
-from twinscrew.runtime.messages.topics import KeyFormat, Topic, Traffic, key, ros_name, type_hash
+from twinscrew.runtime.messages.topics import (
+    TOPICS,
+    KeyFormat,
+    Topic,
+    Traffic,
+    key,
+    rmw_type,
+    ros_name,
+)
 from twinscrew.runtime.settings import Positive, Settings
 
 # -- Zenoh's configuration, made from settings; nothing beyond this machine unless asked for.
@@ -40,7 +50,8 @@ os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 40), tx: (worker_t
 has stopped reading (10 s after it fell silent, for 10 s), that holds one of its receiving threads,
 of which there are two by default: two stopped viewers kept everybody's messages from coming in."""
 
-DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7447"
+DEFAULT_PORT: Final = 7447
+DEFAULT_ENDPOINT: Final = f"tcp/127.0.0.1:{DEFAULT_PORT}"
 """Zenoh's usual port, on this machine only."""
 
 
@@ -63,9 +74,13 @@ class ZenohSettings(Settings, frozen=True):
     are applied over it where they are not at their defaults; what it does not say of listening and
     of looking for others is theirs, too. Private keys that it names must be their owner's alone."""
     key_format: KeyFormat = "ros2dds"
-    """Whose keys: those of zenoh-bridge-ros2dds, or of rmw_zenoh."""
+    """Whose keys: those of zenoh-bridge-ros2dds, of rmw_zenoh, or of rmw_zenoh in ROS 2 Humble,
+    which has no type hashes."""
     domain: Annotated[int, Meta(ge=0, le=232)] = 0
     """[-] ROS_DOMAIN_ID; rmw_zenoh's keys hold it."""
+    topics: dict[str, str] = field(default_factory=dict)
+    """Topics that have other names on this bus: `points = "velodyne/points"` is under the vessel's
+    namespace, "/points" is not. Left out, a topic has its own (docs/interfaces.md)."""
     node: Annotated[str, Meta(pattern="^([A-Za-z_][A-Za-z0-9_]*)?$")] = "twinscrew"
     """The node's name in ROS 2: `ros2 topic list` shows what is published and heard; empty: it does
     not."""
@@ -74,7 +89,27 @@ class ZenohSettings(Settings, frozen=True):
     lossless: bool = False
     """Wait where the line is full instead of dropping: for lock-step, never at sea."""
 
+    def __post_init__(self) -> None:
+        """Refuse names of topics that there are not, or that ROS does not allow."""
+        for name, other in self.topics.items():
+            if name not in TOPICS:
+                raise ValueError(f"topics: {one_of(name, TOPICS)}")
+            if not _ROS_NAME.fullmatch(other):
+                raise ValueError(
+                    f"topics.{name}: {other!r} is not a name: letters, digits, _ and / between"
+                )
+        names = [self.topics.get(name, topic.key) for name, topic in TOPICS.items()]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"topics: {twice[0]!r} would be two topics")
 
+    def topic(self, name: str) -> Topic:
+        """Give a topic of the table, as it is called here; a `BusError` if there is none."""
+        topic = find_topic(name)
+        return replace(topic, key=self.topics[name]) if name in self.topics else topic
+
+
+_ROS_NAME: Final = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 _KEYS: Final = {
     "mode": "mode",
     "connect": "connect/endpoints",
@@ -188,8 +223,8 @@ def _read(path: Path) -> zenoh.Config:
 
 _EMPTY: Final = "%"
 _SLASH_RMW, _SLASH_DDS = "%", "§"
-_RELIABLE, _VOLATILE, _KEEP_LAST = 1, 0, 0
-"""DDS's numbers."""
+_RELIABLE, _VOLATILE, _TRANSIENT_LOCAL, _KEEP_LAST = 1, 0, 1, 0
+"""DDS's numbers; rmw's number of transient local is the same."""
 NODE_ID: Final = 0
 """[-] We are one node a session and namespace, and rmw_zenoh counts nodes and entities together."""
 
@@ -217,14 +252,21 @@ def rmw_node(session: str, domain: int, namespace: str, node: str) -> str:
 
 
 def rmw_end(
-    session: str, domain: int, namespace: str, node: str, number: int, end: End, topic: Topic
+    session: str,
+    domain: int,
+    namespace: str,
+    node: str,
+    number: int,
+    end: End,
+    topic: Topic,
+    key_format: KeyFormat = "rmw_zenoh",
 ) -> str:
     """Give rmw_zenoh's token of a publisher or subscriber; `number` is its own in the session."""
-    package, _, last = topic.ros_type.split("/")
     name = ros_name(topic, namespace).replace("/", _SLASH_RMW)
-    quality = f"::,{topic.depth}:,:,:,,"  # reliable, volatile, keep the last `depth`: the defaults
+    # Reliable, volatile, keep the last `depth`: the defaults have no numbers.
+    quality = f":{_TRANSIENT_LOCAL if topic.durable else ''}:,{topic.depth}:,:,:,,"
     entity = _rmw(session, domain, number, end.value, namespace, node)
-    type_ = f"{package}::msg::dds_::{last}_/{type_hash(topic.ros_type)}"
+    type_ = rmw_type(topic, key_format)
     return f"{entity}/{name}/{type_}/{quality}"
 
 
@@ -232,7 +274,8 @@ def dds_end(session: str, namespace: str, end: End, topic: Topic) -> str:
     """Give zenoh-bridge-ros2dds's token of a publisher or subscriber."""
     name = ros_name(topic, namespace).removeprefix("/").replace("/", _SLASH_DDS)
     type_ = topic.ros_type.replace("/", _SLASH_DDS)
-    quality = f":{_RELIABLE}:{_VOLATILE}:{_KEEP_LAST},{topic.depth}"
+    durability = _TRANSIENT_LOCAL if topic.durable else _VOLATILE
+    quality = f":{_RELIABLE}:{durability}:{_KEEP_LAST},{topic.depth}"
     return f"@/{session}/@ros2_lv/{end.value}/{name}/{type_}/{quality}"
 
 
@@ -263,6 +306,7 @@ class _Line:
         self.closed = False
         self.publishers: dict[str, _Publisher] = {}
         self.subscribers: list[zenoh.Subscriber[None]] = []
+        self.namesakes: set[str] = set()
         self._tokens: list[zenoh.LivelinessToken] = []
         self._nodes: set[str] = set()
         config = zenoh_config(settings)
@@ -279,14 +323,18 @@ class _Line:
         if not settings.node:
             return
         if settings.key_format == "ros2dds":
-            self._declare(dds_end(session, namespace, end, find_topic(topic)))
+            self._declare(dds_end(session, namespace, end, settings.topic(topic)))
             return
         who = (session, settings.domain, namespace, settings.node)
         if namespace not in self._nodes:
             self._nodes.add(namespace)
             self._declare(rmw_node(*who))
         number = len(self._tokens) + 1
-        self._declare(rmw_end(*who, number, end, find_topic(topic)))
+        self._declare(rmw_end(*who, number, end, settings.topic(topic), settings.key_format))
+
+    def claim(self, token: str) -> None:
+        """Have a token of our own, as long as the session lives."""
+        self._declare(token)
 
     def _declare(self, token: str) -> None:
         self._tokens.append(self.session.liveliness().declare_token(token))
@@ -385,6 +433,35 @@ class ZenohBus:
             time.sleep(_POLL_S)
         return True
 
+    def claim_name(self) -> None:
+        """Tell that a runtime of this namespace runs here, and look out for others that do.
+
+        They are seen where Zenoh passes tokens on: from everybody to clients, and between peers
+        that are connected with each other, but not between two peers by way of a third, or of a
+        router. Where access control forbids tokens nothing is seen either.
+        """
+        line, own = self._line, str(self._line.session.zid())
+        runtimes = f"twinscrew/runtime/{self._namespace}"
+
+        def see(sample: zenoh.Sample) -> None:
+            who = str(sample.key_expr).rpartition("/")[2]
+            if who != own:
+                alive = sample.kind == zenoh.SampleKind.PUT
+                (line.namesakes.add if alive else line.namesakes.discard)(who)
+
+        with suppress(zenoh.ZError):
+            line.claim(f"{runtimes}/{own}")
+            handler = zenoh.handlers.Callback(see, indirect=False)
+            liveliness = line.session.liveliness()
+            line.subscribers.append(
+                liveliness.declare_subscriber(f"{runtimes}/*", handler, history=True)
+            )
+
+    @property
+    def namesakes(self) -> frozenset[str]:
+        """Other sessions, by identity, in which a runtime of this namespace runs now."""
+        return frozenset(self._line.namesakes)
+
     @property
     def session(self) -> zenoh.Session:
         """Zenoh's session, for what is no topic."""
@@ -435,7 +512,9 @@ class ZenohBus:
         if self._line.closed:
             raise BusError("the bus is closed")
         settings = self._line.settings
-        return key(find_topic(topic), self._namespace, settings.key_format, domain=settings.domain)
+        return key(
+            settings.topic(topic), self._namespace, settings.key_format, domain=settings.domain
+        )
 
 
 def _words(config: zenoh.Config) -> str:

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from msgspec.structs import replace
 
 from twinscrew.runtime.vessel import one_thread  # noqa: F401  (before anything loads a library)
 
 # isort: split
-from msgspec.structs import replace
 
 from twinscrew.runtime.vessel.approval import Approved, load_approved
 from twinscrew.runtime.vessel.consent import place_of, take
@@ -31,6 +31,12 @@ def run(
     public_key: Annotated[
         Path | None, typer.Option(help="The minisign key that must have signed the manifest.")
     ] = None,
+    arm: Annotated[
+        bool,
+        typer.Option(
+            "--arm", help="Consent to this run's driving, as autopilot.arm: it may turn propellers."
+        ),
+    ] = False,
     tethered: Annotated[
         bool, typer.Option("--tethered", help="Stop, too, when standard input ends.")
     ] = False,
@@ -56,6 +62,8 @@ def serve(
     if tethered:
         at_end_of_input(stop.make)
     settings = approved.config
+    if arm:
+        settings = replace(settings, autopilot=replace(settings.autopilot, arm=True))
     refused = take_priority(settings.priority)
     for words in refused:
         say(settings.name, f"ordinary priority: {words}")

@@ -104,11 +104,11 @@ class StationGoals:
             self._go_to(order, feed, stamp_ns)
         elif isinstance(order, FollowRoute):
             places = [(waypoint.north_m, waypoint.east_m) for waypoint in order.way]
-            self._give("route", cdr.encode_path(np.array(places), stamp_ns=stamp_ns), feed)
+            self._give("route", self._path(np.array(places), stamp_ns), feed)
             self._sailing, self._reached, self._going = order, 0, None
             self._stations.server.mission.state = int(mavlink.MISSION_STATE_ACTIVE)
         elif isinstance(order, Pause) and self._sailing is not None and self._is_ours:
-            self._give("route", cdr.encode_path(np.empty((0, 2)), stamp_ns=stamp_ns), feed)
+            self._give("route", self._path(np.empty((0, 2)), stamp_ns), feed)
             self._going = None
             self._interrupt()
 
@@ -120,9 +120,18 @@ class StationGoals:
         if self._is_ours and self._going is not None and _apart_m(place_N, self._going) < SAME_M:
             return
         goal = Goal(stamp_ns=stamp_ns, position_N=place_N)
-        self._give("goal", cdr.encode_goal(goal), feed)
+        self._give("goal", cdr.encode_goal(goal, frame_id=self._frame_id), feed)
         self._going = place_N
         self._interrupt()
+
+    @property
+    def _frame_id(self) -> str:
+        """What the odometry calls its frame, in which all places of stations are."""
+        odometry = self._odometry()
+        return "" if odometry is None else odometry.frame_id
+
+    def _path(self, places_N: Float64, stamp_ns: int) -> bytes:
+        return cdr.encode_path(places_N, stamp_ns=stamp_ns, frame_id=self._frame_id)
 
     def _interrupt(self) -> None:
         """Note that the mission is sailed no further."""

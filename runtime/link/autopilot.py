@@ -123,6 +123,19 @@ class Autopilot(Protocol):
     def take_outputs(self) -> tuple[int, int] | None:
         """Give what drives the propellers [us], left and right, if it was told since last asked."""
 
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """Names of the topics (`TOPICS`) that it wants to hear, beside its bytes."""
+
+    def hear(self, topic: str, payload: bytes, now_s: float) -> None:
+        """Take a message of one of its topics.
+
+        Raises
+        ------
+        MessageError
+            It is not the message that it should be: a `bad_message` event.
+        """
+
     def take_odometry(self) -> list[Odometry]:
         """Give the odometry that it told since the last call, stamped in the driver's time.
 
@@ -138,8 +151,18 @@ class Autopilot(Protocol):
 
 AUTOPILOTS: Final = {
     "ardupilot": "twinscrew.runtime.link.ardupilot.link:make",
+    "thrust": "twinscrew.runtime.link.thrusters:make",
 }
 """Kinds of autopilots by name: where a function (settings, orders) -> `Autopilot` is found."""
+
+
+TOPICS_OF: Final[dict[str, tuple[str, ...]]] = {"thrust": ("enable",)}
+"""What kinds want to hear on the bus (`Autopilot.topics`); those not named here: nothing."""
+
+
+def topics_of(kind: str) -> tuple[str, ...]:
+    """Give the topics that a kind of autopilot wants to hear."""
+    return TOPICS_OF.get(kind, ())
 
 
 def make_autopilot(settings: AutopilotSettings, orders: OrderSettings | None = None) -> Autopilot:

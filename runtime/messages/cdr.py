@@ -12,6 +12,7 @@ from twinscrew.runtime.messages.decision import (
 )
 from twinscrew.runtime.messages.navigation import (
     decode_clock,
+    decode_enable,
     decode_engagement,
     decode_fallback,
     decode_fix,
@@ -21,6 +22,7 @@ from twinscrew.runtime.messages.navigation import (
     decode_path,
     decode_thrust,
     encode_clock,
+    encode_enable,
     encode_engagement,
     encode_fallback,
     encode_fix,
@@ -32,20 +34,24 @@ from twinscrew.runtime.messages.navigation import (
 )
 from twinscrew.runtime.messages.point_cloud import decode_point_cloud, encode_point_cloud
 from twinscrew.runtime.messages.visual import (
+    Shape,
     Transform,
     decode_diagnostics,
     encode_diagnostics,
     encode_object_markers,
+    encode_shapes,
     encode_track_markers,
     encode_transforms,
     vessel_transform,
 )
 
 __all__ = [
+    "Shape",
     "Transform",
     "decode_clock",
     "decode_decision",
     "decode_diagnostics",
+    "decode_enable",
     "decode_engagement",
     "decode_explanation",
     "decode_fallback",
@@ -59,6 +65,7 @@ __all__ = [
     "encode_clock",
     "encode_decision",
     "encode_diagnostics",
+    "encode_enable",
     "encode_engagement",
     "encode_explanation",
     "encode_fallback",
@@ -69,6 +76,7 @@ __all__ = [
     "encode_odometry",
     "encode_path",
     "encode_point_cloud",
+    "encode_shapes",
     "encode_thrust",
     "encode_track_markers",
     "encode_transforms",

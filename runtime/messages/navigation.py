@@ -6,7 +6,7 @@ import math
 import struct
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -102,8 +102,8 @@ def decode_odometry(payload: bytes | memoryview) -> Odometry:
         quaternion.
     """
     reader = Reader(payload, ODOMETRY_TYPE)
-    stamp_ns, _ = read_header(reader)
-    reader.name()
+    stamp_ns, frame_id = read_header(reader)
+    child_frame_id = reader.name()
     body = reader.values(_BODY, 8)
     reader.end()
     x, y, z, qx, qy, qz, qw, *twist = body
@@ -114,13 +114,22 @@ def decode_odometry(payload: bytes | memoryview) -> Odometry:
         q_NB=attitude_enu_flu_to_ned_frd(unit(reader, qw, qx, qy, qz)),
         velocity_B=flu_to_frd(np.array(twist[:3])),
         rates_B=flu_to_frd(np.array(twist[3:])),
+        frame_id=frame_id,
+        child_frame_id=child_frame_id,
     )
 
 
 def encode_odometry(
-    odometry: Odometry, *, frame_id: str = WORLD_FRAME, child_frame_id: str = VESSEL_FRAME
+    odometry: Odometry, *, frame_id: str | None = None, child_frame_id: str | None = None
 ) -> bytes:
-    """Write a nav_msgs/Odometry in ENU and FLU, its covariances unknown."""
+    """Write a nav_msgs/Odometry in ENU and FLU, its covariances unknown.
+
+    The frames are those given, else the odometry's own, else `WORLD_FRAME` and `VESSEL_FRAME`.
+    """
+    if frame_id is None:
+        frame_id = odometry.frame_id or WORLD_FRAME
+    if child_frame_id is None:
+        child_frame_id = odometry.child_frame_id or VESSEL_FRAME
     writer = Writer()
     write_header(writer, odometry.stamp_ns, frame_id)
     writer.string(child_frame_id)
@@ -155,19 +164,27 @@ def as_read_back(odometry: Odometry) -> Odometry:
 
 
 def decode_goal(payload: bytes | memoryview) -> Goal:
-    """Read a geometry_msgs/PoseStamped in ENU; the goal's height and attitude mean nothing."""
+    """Read a geometry_msgs/PoseStamped: x east, y north, or what they are in the frame it names.
+
+    The goal's height and attitude mean nothing.
+    """
     reader = Reader(payload, GOAL_TYPE)
-    stamp_ns, _ = read_header(reader)
+    stamp_ns, frame_id = read_header(reader)
     x, y, *_ = reader.values("7d", 8)
     reader.end()
     check_numbers(reader, (x, y))
-    return Goal(stamp_ns=stamp_ns, position_N=np.array((y, x)))
+    return Goal(stamp_ns=stamp_ns, position_N=np.array((y, x)), frame_id=frame_id)
 
 
-def encode_goal(goal: Goal, *, frame_id: str = WORLD_FRAME) -> bytes:
-    """Write a geometry_msgs/PoseStamped in ENU, heading east."""
+def encode_goal(goal: Goal, *, frame_id: str | None = None) -> bytes:
+    """Write a geometry_msgs/PoseStamped in ENU, heading east.
+
+    Its frame is the one given, else the goal's own, else `WORLD_FRAME`.
+    """
     writer = Writer()
-    write_header(writer, goal.stamp_ns, frame_id)
+    write_header(
+        writer, goal.stamp_ns, goal.frame_id or WORLD_FRAME if frame_id is None else frame_id
+    )
     north, east = goal.position_N.tolist()
     writer.values("7d", 8, east, north, 0.0, 0.0, 0.0, 0.0, 1.0)
     return writer.payload()
@@ -380,8 +397,19 @@ def _alike(p_N: Float64, stamp_ns: int, frame_id: str) -> bytes:
     return poses.tobytes()
 
 
-def decode_path(payload: bytes | memoryview) -> tuple[int, Float64]:
-    """Read a nav_msgs/Path; give its stamp [ns] and the places, (K, 2) [m] [N].
+class Path(NamedTuple):
+    """Places in a row."""
+
+    stamp_ns: int
+    """[ns] Of the message."""
+    places_N: Float64
+    """[m] [N] (K, 2) North, east; in another frame than N's, that frame's y and x."""
+    frame_ids: tuple[str, ...]
+    """The frames that the places are in, each once; empty names are the message's own frame."""
+
+
+def decode_path(payload: bytes | memoryview) -> Path:
+    """Read a nav_msgs/Path.
 
     Raises
     ------
@@ -389,20 +417,22 @@ def decode_path(payload: bytes | memoryview) -> tuple[int, Float64]:
         Not such a message, a place is not finite or nowhere on earth, or there are too many.
     """
     reader = Reader(payload, PATH_TYPE)
-    stamp_ns, _ = read_header(reader)
+    stamp_ns, frame_of_all = read_header(reader)
     count = reader.count(_SMALLEST_POSE)
     if count > MOST_PLACES:
         raise reader.fail(f"{count} places are too many: at most {MOST_PLACES} are allowed")
     places: list[tuple[float, float]] = []
+    frame_ids: dict[str, None] = {}
     while len(places) < count:
         _, frame_id = read_header(reader)
         east, north, *_ = reader.values("7d", 8)
         check_numbers(reader, (east, north))
         places.append((north, east))
+        frame_ids[frame_id or frame_of_all] = None
         if len(places) == 1:
             places += _read_alike(reader, count - 1, frame_id)
     reader.end()
-    return stamp_ns, np.array(places).reshape(-1, 2)
+    return Path(stamp_ns, np.array(places).reshape(-1, 2), tuple(frame_ids))
 
 
 def _read_alike(reader: Reader, count: int, frame_id: str) -> list[tuple[float, float]]:
@@ -432,11 +462,12 @@ def _read_alike(reader: Reader, count: int, frame_id: str) -> list[tuple[float, 
     return list(zip(poses["y"].tolist(), poses["x"].tolist(), strict=True))
 
 
-# -- The messages of one or two numbers: thrust, clock, engagement.
+# -- The messages of one or two numbers: thrust, clock, enable, engagement.
 
 THRUST_TYPE: Final = "std_msgs/msg/Float64"
 CLOCK_TYPE: Final = "rosgraph_msgs/msg/Clock"
 ENGAGEMENT_TYPE: Final = "twinscrew_msgs/msg/Engagement"
+ENABLE_TYPE: Final = "std_msgs/msg/Bool"
 
 
 def encode_thrust(thrust: float) -> bytes:
@@ -515,3 +546,16 @@ def decode_fallback(payload: bytes | memoryview) -> Fallback:
     reason = reader.string()
     reader.end()
     return Fallback(stamp_ns=stamp_ns, response=RESPONSES[response], reason=reason)
+
+
+def encode_enable(enable: bool) -> bytes:
+    """Write a std_msgs/Bool: whether the thrusters may be driven."""
+    return HEADER + bytes([enable])
+
+
+def decode_enable(payload: bytes | memoryview) -> bool:
+    """Read a std_msgs/Bool: whether the thrusters may be driven."""
+    reader = Reader(payload, ENABLE_TYPE)
+    enable = reader.flag()
+    reader.end()
+    return enable

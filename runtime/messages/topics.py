@@ -14,6 +14,7 @@ from twinscrew.runtime.errors import BusError, MessageError, one_of
 from twinscrew.runtime.messages.decision import DECISION_TYPE, EXPLANATION_TYPE
 from twinscrew.runtime.messages.navigation import (
     CLOCK_TYPE,
+    ENABLE_TYPE,
     ENGAGEMENT_TYPE,
     FALLBACK_TYPE,
     FIX_TYPE,
@@ -154,8 +155,10 @@ SMALL_B: Final = 16_384
 ROUTE_B: Final = 2_000_000
 """[B] The most of a route: 4096 places, each with a frame of 255 letters, have 1.4 MB."""
 
-KeyFormat: TypeAlias = Literal["ros2dds", "rmw_zenoh"]
-KEY_FORMATS: Final[tuple[KeyFormat, ...]] = ("ros2dds", "rmw_zenoh")
+KeyFormat: TypeAlias = Literal["ros2dds", "rmw_zenoh", "rmw_zenoh_humble"]
+KEY_FORMATS: Final[tuple[KeyFormat, ...]] = ("ros2dds", "rmw_zenoh", "rmw_zenoh_humble")
+NO_HASH: Final = "TypeHashNotSupported"
+"""What stands in the place of a type's hash in the keys of Humble's rmw_zenoh: Humble has none."""
 
 
 class Direction(Enum):
@@ -196,6 +199,9 @@ class Topic:
     """[-] How many unread messages are kept, the newest ones."""
     largest_b: int | None = None
     """[B] Larger messages are thrown away unread; None: the bus's `max_message_mb` alone counts."""
+    durable: bool = False
+    """True if ROS 2 expects it to reach late listeners (transient local): it is given again and
+    again, and announced as such."""
     core: bool = False
     """True if the core takes it in: a recording of these topics is enough for a replay."""
 
@@ -263,6 +269,15 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 traffic=Traffic.COMMAND,
                 largest_b=ROUTE_B,
                 core=True,
+            ),
+            Topic(
+                name="enable",
+                key="enable",
+                ros_type=ENABLE_TYPE,
+                direction=Direction.IN,
+                traffic=Traffic.COMMAND,
+                depth=64,
+                largest_b=SMALL_B,
             ),
             Topic(
                 name="engagement",
@@ -365,6 +380,14 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 rate_hz=10.0,
             ),
             Topic(
+                name="situation",
+                key="situation",
+                ros_type=MARKERS_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=2.0,
+            ),
+            Topic(
                 name="path",
                 key="path",
                 ros_type=PATH_TYPE,
@@ -378,7 +401,16 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=TRANSFORMS_TYPE,
                 direction=Direction.OUT,
                 traffic=Traffic.STATUS,
-                rate_hz=10.0,
+                rate_hz=20.0,
+            ),
+            Topic(
+                name="static_transforms",
+                key="/tf_static",
+                ros_type=TRANSFORMS_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=1.0,
+                durable=True,
             ),
             Topic(
                 name="diagnostics",
@@ -421,7 +453,8 @@ def key(topic: Topic, namespace: str, key_format: KeyFormat = "ros2dds", *, doma
     namespace
         The vessel's, as "wamv1".
     key_format
-        Whose keys: those of zenoh-bridge-ros2dds, or those of rmw_zenoh.
+        Whose keys: those of zenoh-bridge-ros2dds, those of rmw_zenoh, or those of rmw_zenoh as of
+        ROS 2 Humble, which have no type hashes.
     domain
         [-] ROS_DOMAIN_ID; part of rmw_zenoh's keys only.
 
@@ -433,7 +466,13 @@ def key(topic: Topic, namespace: str, key_format: KeyFormat = "ros2dds", *, doma
     name = ros_name(topic, namespace).removeprefix("/")
     if key_format == "ros2dds":
         return name
-    if key_format != "rmw_zenoh":
+    if key_format not in KEY_FORMATS:
         raise BusError(f"key format {one_of(key_format, KEY_FORMATS)}")
+    return f"{domain}/{name}/{rmw_type(topic, key_format)}"
+
+
+def rmw_type(topic: Topic, key_format: KeyFormat) -> str:
+    """Give a topic's type and its hash as rmw_zenoh's keys and tokens name them."""
     package, _, last = topic.ros_type.split("/")
-    return f"{domain}/{name}/{package}::msg::dds_::{last}_/{type_hash(topic.ros_type)}"
+    hashed = NO_HASH if key_format == "rmw_zenoh_humble" else type_hash(topic.ros_type)
+    return f"{package}::msg::dds_::{last}_/{hashed}"

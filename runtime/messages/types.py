@@ -54,6 +54,10 @@ class Odometry:
     """[m/s] [B] (3,) Velocity over ground: surge, sway, heave."""
     rates_B: Float64
     """[rad/s] [B] (3,) Roll, pitch and yaw rate."""
+    frame_id: str = ""
+    """What the message calls N (as ENU); empty if it does not tell."""
+    child_frame_id: str = ""
+    """What the message calls B (as FLU); empty if it does not tell."""
 
     @property
     def heading(self) -> float:
@@ -106,7 +110,9 @@ class Goal:
     stamp_ns: int
     """[ns] When it was set."""
     position_N: Float64
-    """[m] [N] (2,) North, east."""
+    """[m] [N] (2,) North, east; of an order that names another frame, that frame's y and x."""
+    frame_id: str = ""
+    """The frame that the order names; empty: that of the odometry."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Final, NamedTuple, TypeAlias
 
@@ -16,7 +16,14 @@ from twinscrew.runtime.messages.navigation import (
     split_stamp,
     write_header,
 )
-from twinscrew.runtime.messages.types import HealthEvent, Objects, Odometry, Severity, Tracks
+from twinscrew.runtime.messages.types import (
+    Float64,
+    HealthEvent,
+    Objects,
+    Odometry,
+    Severity,
+    Tracks,
+)
 from twinscrew.runtime.messages.wire import HEADER, HEADER_SIZE, Reader, Writer
 
 # -- `visualization_msgs/MarkerArray`: objects and tracks as RViz and Foxglove draw them.
@@ -33,6 +40,11 @@ _SHAFT: Final = 0.3
 """[m] How thick an arrow is drawn."""
 _LIFETIME_NS: Final = 500_000_000
 """[ns] A marker that is not renewed disappears."""
+_LINE_STRIP: Final = 4
+_LINE_WIDTH: Final = 0.15
+"""[m] How thick a line is drawn."""
+_SHAPE_LIFETIME_NS: Final = 2_000_000_000
+"""[ns] The same of shapes, which are renewed twice a second."""
 
 _Color: TypeAlias = tuple[float, float, float, float]
 """Red, green, blue, opacity."""
@@ -154,6 +166,80 @@ def _rest() -> bytes:
         writer.string("")
     writer.values("I?", 4, 0, False)  # mesh_file.data, mesh_use_embedded_materials
     return writer.payload()[HEADER_SIZE:]
+
+
+class Shape(NamedTuple):
+    """Something to draw in the world: a cylinder at its only point, or a closed line."""
+
+    namespace: str
+    number: int
+    """[-] Its own within the namespace."""
+    color: _Color
+    points_N: Float64
+    """[m] [N] (K, 2) North, east: one point, or the corners of an area."""
+    radius_m: float = 1.0
+    """[m] Of a cylinder."""
+
+
+def encode_shapes(shapes: Iterable[Shape], *, stamp_ns: int, frame_id: str = WORLD_FRAME) -> bytes:
+    """Write shapes as a MarkerArray that replaces the one before, in the world (ENU)."""
+    shapes = tuple(shapes)
+    writer = Writer()
+    writer.values("I", 4, 1 + len(shapes))
+    _write_marker(
+        writer, stamp_ns, frame_id, "", 0, (0, _DELETE_ALL), (0.0, 0.0), (0.0, 0.0), _TEAL
+    )
+    for shape in shapes:
+        east_north = shape.points_N[:, ::-1].tolist()
+        is_line = len(east_north) > 1
+        width = 2.0 * shape.radius_m
+        _write_marker(
+            writer,
+            stamp_ns,
+            frame_id,
+            shape.namespace,
+            shape.number,
+            (_LINE_STRIP if is_line else _CYLINDER, 0),
+            (0.0, 0.0) if is_line else east_north[0],
+            (_LINE_WIDTH, 0.0) if is_line else (width, _HEIGHT),
+            shape.color,
+            [*east_north, east_north[0]] if is_line else [],
+        )
+    return writer.payload()
+
+
+def _write_marker(
+    writer: Writer,
+    stamp_ns: int,
+    frame_id: str,
+    namespace: str,
+    number: int,
+    what: tuple[int, int],
+    at: Sequence[float],
+    size: tuple[float, float],
+    color: _Color,
+    points: Sequence[Sequence[float]] = (),
+) -> None:
+    """Write one Marker: type and action, place, width and height, corners."""
+    write_header(writer, stamp_ns, frame_id)
+    writer.string(namespace)
+    writer.values("3i", 4, number, *what)
+    width, height = size
+    pose = (at[0], at[1], 0.0, 0.0, 0.0, 0.0, 1.0)
+    writer.values("10d", 8, *pose, width, width if height else 0.0, height)
+    writer.values("4f", 4, *color)
+    writer.values("iI?", 4, *divmod(_SHAPE_LIFETIME_NS, 10**9), False)
+    writer.values("I", 4, len(points))
+    for x, y in points:
+        writer.values("3d", 8, x, y, 0.0)
+    writer.values("I", 4, 0)  # colors
+    writer.string("")  # texture_resource
+    write_header(writer, 0, "")  # texture, a CompressedImage
+    writer.string("")
+    writer.values("2I", 4, 0, 0)  # its data; uv_coordinates
+    for _ in ("text", "mesh_resource", "mesh_file.filename"):
+        writer.string("")
+    writer.values("I?", 4, 0, False)  # mesh_file.data, mesh_use_embedded_materials
 
 
 # -- `tf2_msgs/TFMessage`: where the frames are, so that a viewer can draw all in one picture.

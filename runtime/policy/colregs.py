@@ -53,6 +53,16 @@ DEFAULT = ColregsSettings()
 _TINY = float(np.finfo(np.float32).tiny)
 
 
+def _corners(settings: ColregsSettings) -> tuple[Float64, Float64]:
+    """Give the corners of the zones that `in_head_on_zone` and `in_crossing_zone` test."""
+    ahead, half = settings.head_on_ahead_m, settings.head_on_half_width_m
+    head_on = [(0.0, -half), (ahead, -half), (ahead, half), (0.0, half)]
+    ahead, astern = settings.crossing_ahead_m, -settings.crossing_astern_m
+    port, corner = -settings.crossing_port_m, -settings.crossing_corner_m
+    crossing = [(astern, 0.0), (0.0, 0.0), (ahead, corner), (ahead, port), (astern, port)]
+    return np.array(head_on), np.array(crossing)
+
+
 def situation(
     p: Float64, v_other: Float64, v_ego: Float64, settings: ColregsSettings = DEFAULT
 ) -> NDArray[np.int8]:
@@ -103,6 +113,10 @@ def in_crossing_zone(
     corner = y + settings.crossing_corner_m > -slope * (x - settings.crossing_ahead_m)
     inside: NDArray[np.bool_] = along & to_port & ~corner
     return inside
+
+
+HEAD_ON_ZONE, CROSSING_ZONE = _corners(DEFAULT)
+"""[m] (K, 2) The zones' corners: x along the other vessel's velocity, y to its starboard."""
 
 
 def compliant_course(

@@ -19,12 +19,19 @@ from typing import Any, BinaryIO, Final, NamedTuple
 from mcap.writer import CompressionType, Writer
 
 from twinscrew.runtime.errors import RecordingError
+from twinscrew.runtime.files import replace_file
 from twinscrew.runtime.messages.topics import TOPICS, definition, ros_name, type_hash
 from twinscrew.runtime.recording.settings import BagSettings
 
 METADATA_RECORD: Final = "twinscrew"
 """Name of the MCAP metadata record that says what the recording is of; values are JSON."""
 METADATA_FILE: Final = "metadata.yaml"
+
+VERSION: Final = 5
+"""Of `metadata.yaml`."""
+KEEP_LAST, RELIABLE, TRANSIENT_LOCAL, VOLATILE, AUTOMATIC = 1, 1, 1, 2, 1
+"""Numbers of rmw (rmw/types.h)."""
+FOREVER: Final = {"sec": 9223372036, "nsec": 854775807}
 
 _COMPRESSIONS: Final = {
     "none": CompressionType.NONE,
@@ -159,10 +166,8 @@ class BagWriter:
     def _write_metadata_file(self) -> None:
         here = [file for file in self._closed if file.path.exists()]
         contents = [file.contents for file in here or self._closed[-1:]]
-        temporary = self._path / f"{METADATA_FILE}.tmp"
         text = metadata_yaml(contents, self._names, self._metadata)
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(self._path / METADATA_FILE)
+        replace_file(self._path / METADATA_FILE, lambda out: out.write(text.encode()))
 
 
 def _size(path: Path) -> int:
@@ -173,7 +178,10 @@ def _size(path: Path) -> int:
         return 0
 
 
-# -- What rosbag2 wants to know of a bag: the content of its `metadata.yaml`, version 9.
+# -- What rosbag2 wants to know of a bag: the content of its `metadata.yaml`.
+#
+# In version 5, which is Humble's: Humble reads no list of qualities of service, as later versions
+# have it, and everybody since reads version 5. The keys that came later are there, too.
 
 
 @dataclass(slots=True)
@@ -210,7 +218,7 @@ def metadata_yaml(
         last_ns=files[-1].last_ns,
     )
     information = {
-        "version": 9,
+        "version": VERSION,
         "storage_identifier": "mcap",
         "relative_file_paths": [file.name for file in files],
         **_span(whole),
@@ -236,11 +244,22 @@ def _span(file: FileContents) -> dict[str, Any]:
 
 
 def _topic(topic: str, name: str) -> dict[str, Any]:
-    ros_type = TOPICS[topic].ros_type
+    ros_type, durable = TOPICS[topic].ros_type, TOPICS[topic].durable
+    quality = {
+        "history": KEEP_LAST,
+        "depth": TOPICS[topic].depth,
+        "reliability": RELIABLE,
+        "durability": TRANSIENT_LOCAL if durable else VOLATILE,
+        "deadline": FOREVER,
+        "lifespan": FOREVER,
+        "liveliness": AUTOMATIC,
+        "liveliness_lease_duration": FOREVER,
+        "avoid_ros_namespace_conventions": False,
+    }
     return {
         "name": name,
         "type": ros_type,
         "serialization_format": "cdr",
-        "offered_qos_profiles": [],
+        "offered_qos_profiles": json.dumps([quality]),
         "type_description_hash": type_hash(ros_type),
     }

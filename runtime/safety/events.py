@@ -86,6 +86,9 @@ ASSURANCE_RELEASED = _info("assurance_released", "The policy has the propellers 
 INTERNAL_ERROR = _error("internal_error", "A fault of the runtime itself: neutral thrust.")
 GOAL_MISSING = _info("goal_missing", "There is no goal: neutral thrust.")
 GOAL_SET = _info("goal_set", "A new goal was accepted.")
+GOAL_FRAME = _warning(
+    "goal_frame", "A goal is in a frame whose place is not known: it is not taken."
+)
 WAYPOINT_REACHED = _info("waypoint_reached", "A waypoint is reached; the next one is the goal.")
 GOAL_REACHED = _info("goal_reached", "The last goal is reached: neutral thrust.")
 TRIAL_BEGUN = _info("trial_begun", "A trial has begun, within the box of water that is named.")
@@ -114,6 +117,9 @@ PRIORITY_REFUSED = _info(
     "priority_refused", "The system does not give the priority or the cores that were asked for."
 )
 FILES_APPROVED = _info("files_approved", "Every file that was read agrees with the manifest.")
+NAME_TAKEN = _warning(
+    "name_taken", "Another runtime of the same name is on the bus: orders reach both boats."
+)
 STATE = _info("state", "The vessel's state changed.")
 STATE_NOW = _info("state_now", "Which state the vessel is in; told every second.")
 AUTOPILOT_NOW = _info(
@@ -125,6 +131,15 @@ ENVELOPE_NOW = _info(
 ENVELOPE_LEFT = _warning("envelope_left", "A quantity is beyond what the boat was proved for.")
 ENVELOPE_RETURNED = _info("envelope_returned", "A quantity is well inside the envelope again.")
 FALLBACK = _warning("fallback", "The fallback response of the boat changed; with the reasons.")
+THRUST_ENABLED = _info("thrust_enabled", "The enable came: decisions drive the thrusters.")
+THRUST_DISABLED = _info("thrust_disabled", "The enable was taken back: neutral thrust at once.")
+ENABLE_LOST = _warning("enable_lost", "The enable does not come any more: neutral thrust.")
+ENABLE_REFUSED = _warning(
+    "enable_refused", "An enable came, but nobody consented at the start: neutral thrust."
+)
+KEEPER = _warning(
+    "keeper", "The process that stops the thrusters after the runtime had died: started again."
+)
 LINK_DOWN = _error(
     "link_down", "The connection to the autopilot broke: it is opened again, neutral thrust."
 )

@@ -17,6 +17,7 @@ from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.ground.report import GroundSettings
 from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
+from twinscrew.runtime.link.autopilot import topics_of
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.perception.segmentation import PerceptionSettings
 from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
@@ -28,6 +29,7 @@ from twinscrew.runtime.safety.envelope import EnvelopeSettings
 from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.settings import CONFIG_DIR, Settings, convert, read_toml
 from twinscrew.runtime.tracking.tracker import TrackerSettings
+from twinscrew.runtime.vessel.frames import FrameSettings
 from twinscrew.runtime.vessel.hull_settings import hull_settings
 from twinscrew.runtime.vessel.inputs import AlignmentSettings, OdometryBufferSettings
 from twinscrew.runtime.vessel.mission import MissionSettings
@@ -81,6 +83,7 @@ class RuntimeConfig(Settings, frozen=True):
     envelope: EnvelopeSettings = EnvelopeSettings()
     odometry: OdometryBufferSettings = OdometryBufferSettings()
     alignment: AlignmentSettings = AlignmentSettings()
+    frames: FrameSettings = FrameSettings()
     estimation: EstimationSettings = EstimationSettings()
     bus: ZenohSettings = ZenohSettings()
     autopilot: AutopilotSettings = AutopilotSettings()
@@ -96,16 +99,29 @@ class RuntimeConfig(Settings, frozen=True):
             raise ValueError(f"thrust.min_n must be in [{-paddles.astern_N:g}, 0] N")
         if self.thrust.max_n > paddles.ahead_N:
             raise ValueError(f"thrust.max_n must be in [0, {paddles.ahead_N:g}] N")
+        if self.autopilot.kind == "thrust":
+            _check_thrust(self)
         if self.ground.vessels_hz > 0.0 and self.autopilot.datum is None:
             raise ValueError("ground.vessels_hz needs autopilot.datum: vessels lie on the earth")
 
 
+def _check_thrust(config: RuntimeConfig) -> None:
+    """Refuse what thrusters that are commanded by topic cannot do."""
+    if config.odometry_source == "autopilot":
+        allowed = "bus, gps_imu"
+        raise ValueError(f"odometry_source: thrusters tell no odometry; allowed are {allowed}")
+    bus = config.bus
+    if not (bus.connect or bus.config_file or bus.multicast_scouting):
+        raise ValueError(
+            "bus.connect: with autopilot.kind = 'thrust' the thrusters must be reached by a second "
+            "process, too, that stops them when this one cannot: name a simulator or router"
+        )
+
+
 def inputs_of(config: RuntimeConfig) -> tuple[str, ...]:
     """Give the topics that a runtime listens to."""
-    if config.odometry_source == "bus":
-        return ("points", "odometry", "goal", "route")
-    sensed = SENSED if config.odometry_source == "gps_imu" else ()
-    return ("points", "goal", "route", *sensed)
+    source = {"bus": ("odometry",), "gps_imu": SENSED, "autopilot": ()}[config.odometry_source]
+    return ("points", "goal", "route", *source, *topics_of(config.autopilot.kind))
 
 
 def sensor_of(config: RuntimeConfig) -> Sensor:

@@ -19,7 +19,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median_low
 from typing import Annotated, Final, Literal
 
@@ -132,7 +132,11 @@ class Inputs:
                 return _refused(late, in_order=False)
             else:
                 moved_m = math.dist(odometry.position_N[:2], last.position_N[:2])
-                if moved_m > settings.max_speed_mps * dt_s + JUMP_SLACK_M:
+                if odometry.frame_id != last.frame_id:
+                    self._samples.clear()
+                    names = f"from frame {last.frame_id!r} to {odometry.frame_id!r}"
+                    verdict = Verdict(forget=True, events=(ODOMETRY_JUMP.at(stamp_ns, names),))
+                elif moved_m > settings.max_speed_mps * dt_s + JUMP_SLACK_M:
                     self._samples.clear()
                     north, east = odometry.position_N[:2]
                     to = f"to north {north:.1f} m, east {east:.1f} m"
@@ -228,6 +232,8 @@ def interpolate(before: Odometry, after: Odometry, stamp_ns: int) -> Odometry:
         q_NB=interpolate_quaternion(before.q_NB, after.q_NB, f),
         velocity_B=(1 - f) * before.velocity_B + f * after.velocity_B,
         rates_B=(1 - f) * before.rates_B + f * after.rates_B,
+        frame_id=before.frame_id,
+        child_frame_id=before.child_frame_id,
     )
 
 
@@ -235,13 +241,9 @@ def extrapolate(last: Odometry, stamp_ns: int) -> Odometry:
     """Give the odometry a little later than a message, at constant velocity and rates."""
     dt_s = seconds_between(last.stamp_ns, stamp_ns)
     turn = quaternion_from_euler(*(float(rate) * dt_s for rate in last.rates_B))
-    return Odometry(
-        stamp_ns=stamp_ns,
-        position_N=last.position_N + rotation_from_quaternion(last.q_NB) @ last.velocity_B * dt_s,
-        q_NB=quaternion_product(last.q_NB, turn),
-        velocity_B=last.velocity_B,
-        rates_B=last.rates_B,
-    )
+    moved = rotation_from_quaternion(last.q_NB) @ last.velocity_B * dt_s
+    q_NB = quaternion_product(last.q_NB, turn)
+    return replace(last, stamp_ns=stamp_ns, position_N=last.position_N + moved, q_NB=q_NB)
 
 
 def _refused(*events: HealthEvent, in_order: bool = True, forget: bool = False) -> Verdict:

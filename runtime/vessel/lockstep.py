@@ -24,7 +24,7 @@ from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.errors import BusError, TwinscrewError
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND
 from twinscrew.runtime.recording.recorder import Recorder
-from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of, sensor_of
+from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
 from twinscrew.runtime.vessel.outputs import Publisher
 from twinscrew.runtime.vessel.pipeline import Pipeline
 from twinscrew.runtime.vessel.summary import Latencies, RunSummary, metadata_of
@@ -68,7 +68,7 @@ class SteppedRuntime:
             None,
             self._recorder,
             vessel=config.name,
-            sensor=sensor_of(config),
+            frames=self.vessel.frames,
             clock_ns=self._log_time,
         )
 

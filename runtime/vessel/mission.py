@@ -62,6 +62,12 @@ class Mission:
         return None if self.arrived else self.goal
 
     @property
+    def ahead_N(self) -> Float64:
+        """[m] [N] (K, 2) The goals that are not reached yet, in their order."""
+        ahead = [] if self.arrived else self._goals[self._index :]
+        return np.array([goal.position_N for goal in ahead]).reshape(-1, 2)
+
+    @property
     def reached(self) -> int:
         """[-] How many goals of the last order have been reached."""
         return self._index + self.arrived

@@ -14,9 +14,9 @@ import numpy as np
 
 from twinscrew.runtime.bus.base import Bus
 from twinscrew.runtime.errors import BusError
-from twinscrew.runtime.geometry import flu_to_frd, quaternion_from_euler
+from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.navigation import VESSEL_FRAME
+from twinscrew.runtime.messages.navigation import WORLD_FRAME
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
     Decision,
@@ -24,16 +24,23 @@ from twinscrew.runtime.messages.types import (
     Float64,
     HealthEvent,
     Odometry,
+    Tracks,
 )
-from twinscrew.runtime.messages.visual import Transform, vessel_transform
-from twinscrew.runtime.perception.sensor import Sensor
+from twinscrew.runtime.messages.visual import Shape
+from twinscrew.runtime.policy.colregs import CROSSING_ZONE, HEAD_ON_ZONE
+from twinscrew.runtime.policy.colregs import DEFAULT as COLREGS
 from twinscrew.runtime.recording.recorder import Recorder
 from twinscrew.runtime.recording.recording import DecisionHash
 from twinscrew.runtime.safety.events import AUTOPILOT_NOW, ENVELOPE_NOW, STATE_NOW
 from twinscrew.runtime.safety.guard import NEUTRAL
+from twinscrew.runtime.vessel.frames import Frames
 
 STATE_EVERY_NS: Final = NANOSECONDS_PER_SECOND
 """[ns] How often the state is published while it stays as it is."""
+DRAW_EVERY_NS: Final = NANOSECONDS_PER_SECOND // 2
+"""[ns] How often the situation is drawn (`TOPICS["situation"]`)."""
+BUOY_RADIUS_M: Final = 2.0
+"""[m] What stands still and is no larger is drawn as a buoy."""
 PATH_STEP_M: Final = 1.0
 """[m] Between two places of the path."""
 PATH_PLACES: Final = 1000
@@ -66,6 +73,8 @@ class Outputs:
     """What an operator should know, the decision's own events among it."""
     decision: Decision | None = None
     """The decision, if the message was a scan that could be used."""
+    goals_N: Float64 | None = None
+    """[m] [N] (K, 2) With a decision, the goals ahead; None elsewhere."""
     thrust: Float64 = field(default_factory=lambda: NEUTRAL)
     """[N] (2,) What `autopilot` asks of the propellers, left and right."""
 
@@ -79,8 +88,9 @@ class Publisher:
         Where to; either may be missing.
     vessel
         Whose health events these are.
-    sensor
-        The LiDAR, whose place on the vessel is recorded; None to record no transforms.
+    frames
+        The vessel's frames, whose places are recorded, and published where the settings say so;
+        None: they are not.
     clock_ns
         [ns] Gives the recording's log times; replays do not depend on them.
     """
@@ -91,18 +101,20 @@ class Publisher:
         recorder: Recorder | None,
         *,
         vessel: str = "",
-        sensor: Sensor | None = None,
+        frames: Frames | None = None,
         clock_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self.decisions = 0
         self._bus = bus
         self._recorder = recorder
         self._vessel = vessel
-        self._frames = None if sensor is None else Frames(sensor)
+        self._places = frames
+        self._frames = frames or Frames()
         self._clock_ns = clock_ns
         self._hash = DecisionHash()
         self._path = SailedPath()
         self._state_ns: int | None = None
+        self._drawn_ns: int | None = None
         self._came: bytes | None = None
         self._recorder_losses, self._bus_losses = Losses(), Losses()
         self.has_listeners = bus is not None or recorder is not None
@@ -123,7 +135,7 @@ class Publisher:
         for taken in out.messages:
             self._take(taken)
         if out.decision is not None:
-            self._decide(out.decision, out.thrust, explanation)
+            self._decide(out.decision, out.thrust, explanation, out.goals_N)
         self.report(out.events)
 
     def report(self, events: Iterable[HealthEvent]) -> None:
@@ -175,15 +187,28 @@ class Publisher:
         elif taken.payload is not self._came:
             self._record(taken.topic, taken.payload)
         if isinstance(taken.message, Odometry):
-            if self._recorder is not None and self._frames is not None:
-                self._record("transforms", self._frames.encoded(taken.message))
-            path = self._path.step(taken.message)
+            self._transforms(taken.message)
+            path = self._path.step(taken.message, self._frames.world)
             if path is not None:
                 self._put("path", path)
-        elif taken.topic == "points" and self._frames is not None and taken.message is not None:
-            self._frames.see(taken.message.frame_id)
 
-    def _decide(self, decision: Decision, thrust: Float64, explanation: Explanation | None) -> None:
+    def _transforms(self, odometry: Odometry) -> None:
+        """Record where the frames are, so that RViz and Foxglove draw all in one picture."""
+        if self._places is None:
+            return
+        give = self._put if self._places.settings.publish else self._record
+        give("transforms", self._places.moving(odometry))
+        static = self._places.static(odometry.stamp_ns)
+        if static is not None:
+            give("static_transforms", static)
+
+    def _decide(
+        self,
+        decision: Decision,
+        thrust: Float64,
+        explanation: Explanation | None,
+        goals_N: Float64 | None,
+    ) -> None:
         payload = cdr.encode_decision(decision)
         self._hash.add(payload)
         self.decisions += 1
@@ -191,9 +216,23 @@ class Publisher:
             self._put("decision", payload)
             if explanation is not None:
                 self._put("explanation", cdr.encode_explanation(explanation))
-            self._put("objects", cdr.encode_object_markers(decision.objects))
-            self._put("tracks", cdr.encode_track_markers(decision.tracks))
+            frames = self._frames
+            objects = cdr.encode_object_markers(decision.objects, frame_id=frames.vessel)
+            self._put("objects", objects)
+            tracks = cdr.encode_track_markers(decision.tracks, frame_id=frames.world)
+            self._put("tracks", tracks)
+            self._draw(decision.tracks, goals_N)
             self.thrust(thrust)
+
+    def _draw(self, tracks: Tracks, goals_N: Float64 | None) -> None:
+        """Draw goals, buoys and the zones of the COLREGs, twice a second."""
+        last_ns, stamp_ns = self._drawn_ns, tracks.stamp_ns
+        if last_ns is not None and 0 <= stamp_ns - last_ns < DRAW_EVERY_NS:
+            return
+        self._drawn_ns = stamp_ns
+        shapes = situation_shapes(tracks, goals_N)
+        frame_id = self._frames.world
+        self._put("situation", cdr.encode_shapes(shapes, stamp_ns=stamp_ns, frame_id=frame_id))
 
     def _put(self, topic: str, payload: bytes) -> None:
         if self._bus is not None:
@@ -204,6 +243,38 @@ class Publisher:
     def _record(self, topic: str, payload: bytes) -> None:
         if self._recorder is not None:
             self._recorder.record(topic, payload, self._clock_ns())
+
+
+_GOAL, _BUOY = (0.2, 0.7, 0.2, 0.6), (0.9, 0.5, 0.1, 0.8)
+_HEAD_ON, _CROSSING = (0.8, 0.1, 0.1, 0.9), (0.6, 0.1, 0.7, 0.9)
+GOAL_RADIUS_M: Final = 1.0
+"""[m] How large a goal is drawn."""
+
+
+def situation_shapes(tracks: Tracks, goals_N: Float64 | None) -> list[Shape]:
+    """Give what is drawn of goals, of what stands still, and of the zones of vessels under way.
+
+    Namespaces: `goals`, in their order; `buoys`, `head_on` and `crossing`, numbered as the tracks.
+    """
+    shapes = [
+        Shape("goals", number, _GOAL, goal_N[None, :], GOAL_RADIUS_M)
+        for number, goal_N in enumerate(() if goals_N is None else goals_N)
+    ]
+    speeds = np.hypot(*tracks.v_N.T).tolist()
+    for i, speed in enumerate(speeds):
+        number, at_N = int(tracks.id[i]) % 2**31, tracks.p_N[i]
+        if speed < COLREGS.min_speed_mps:
+            if tracks.radius[i] <= BUOY_RADIUS_M:
+                radius = float(tracks.radius[i])
+                shapes.append(Shape("buoys", number, _BUOY, at_N[None, :], radius))
+            continue
+        turn = rotation_2d(math.atan2(tracks.v_N[i, 1], tracks.v_N[i, 0]))
+        for name, corners, color in (
+            ("head_on", HEAD_ON_ZONE, _HEAD_ON),
+            ("crossing", CROSSING_ZONE, _CROSSING),
+        ):
+            shapes.append(Shape(name, number, color, at_N + corners @ turn.T))
+    return shapes
 
 
 class Losses:
@@ -227,7 +298,7 @@ class SailedPath:
         self._places: deque[tuple[float, float]] = deque(maxlen=PATH_PLACES)
         self._last_ns: int | None = None
 
-    def step(self, odometry: Odometry) -> bytes | None:
+    def step(self, odometry: Odometry, frame_id: str = WORLD_FRAME) -> bytes | None:
         """Follow the odometry; gives the encoded path once a second, else None."""
         north, east, _ = odometry.position_N.tolist()
         if not self._places or math.dist(self._places[-1], (north, east)) >= PATH_STEP_M:
@@ -236,31 +307,4 @@ class SailedPath:
         if last_ns is not None and 0 <= stamp_ns - last_ns < PATH_EVERY_NS:
             return None
         self._last_ns = stamp_ns
-        return cdr.encode_path(np.array(self._places), stamp_ns=stamp_ns)
-
-
-class Frames:
-    """Where the frames are, so that RViz and Foxglove draw a recording in one picture.
-
-    Recorded only, never published: a boat or a VRX has its own publisher of /tf.
-    """
-
-    def __init__(self, sensor: Sensor) -> None:
-        self._sensor = sensor
-        self._lidar: Transform | None = None
-
-    def see(self, frame_id: str) -> None:
-        """Note what the LiDAR calls its frame."""
-        mount = self._sensor.mount
-        if self._lidar is not None or mount is None or frame_id in ("", VESSEL_FRAME):
-            return
-        q = quaternion_from_euler(mount.roll_rad, mount.pitch_rad, mount.yaw_rad)
-        x, y, z = flu_to_frd(self._sensor.mount_position_B).tolist()
-        self._lidar = Transform(VESSEL_FRAME, frame_id, (x, y, z), tuple(q.tolist()))
-
-    def encoded(self, odometry: Odometry) -> bytes:
-        """Give the transforms to record after odometry: the vessel's, and the LiDAR's on it."""
-        frames = [vessel_transform(odometry)]
-        if self._lidar is not None:
-            frames.append(self._lidar)
-        return cdr.encode_transforms(frames, stamp_ns=odometry.stamp_ns)
+        return cdr.encode_path(np.array(self._places), stamp_ns=stamp_ns, frame_id=frame_id)

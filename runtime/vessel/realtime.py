@@ -20,7 +20,7 @@ from typing import Final, ParamSpec, TypeVar
 
 from twinscrew.runtime.bus.base import Inbox, Received
 from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.errors import ConfigError, LinkError
+from twinscrew.runtime.errors import BusError, ConfigError, LinkError
 from twinscrew.runtime.link.transport import Transport
 from twinscrew.runtime.messages.types import HealthEvent
 from twinscrew.runtime.recording.recorder import Recorder
@@ -28,15 +28,19 @@ from twinscrew.runtime.safety.events import (
     ARMING_WITHHELD,
     FILES_APPROVED,
     INTERNAL_ERROR,
+    KEEPER,
     LINK_DOWN,
     LINK_RESTORED,
     MESSAGES_MISSING,
+    NAME_TAKEN,
     OVERRUN,
     PRIORITY_REFUSED,
     RECORDER,
     EventKind,
 )
-from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of, sensor_of
+from twinscrew.runtime.safety.guard import NEUTRAL
+from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
+from twinscrew.runtime.vessel.keeper import Keeper
 from twinscrew.runtime.vessel.outputs import Publisher
 from twinscrew.runtime.vessel.process import Garbage, ServiceManager
 from twinscrew.runtime.vessel.summary import Latencies, RunSummary, metadata_of, write_summary
@@ -62,6 +66,7 @@ class Loop:
         publisher: Publisher,
         *,
         rate_hz: float,
+        keeper: Keeper | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.latencies = Latencies()
@@ -76,6 +81,7 @@ class Loop:
         self._inbox = inbox
         self._transport = transport
         self._publisher = publisher
+        self._keeper = keeper
         self._period_s = 1.0 / rate_hz
         self._clock = clock
         self._next_tick_s = math.inf
@@ -104,6 +110,8 @@ class Loop:
             self._read_autopilot(self._clock())  # a scan wants the newest odometry
         self._publisher.came(message.topic, message.payload)
         out, explanation = self._vessel.handle(message, self._clock()), None
+        if message.topic in self._vessel.link.topics:
+            self._publisher.thrust(out.thrust)
         if out.decision is not None:
             self._send(out.autopilot)
             latency_ms = self._note_latency(message)
@@ -126,6 +134,8 @@ class Loop:
         envelope = self._vessel.envelope.state
         self._publisher.state(state, self._vessel.stamp_ns, autopilot, envelope)
         self._manager.alive(now_s, state)
+        if self._keeper is not None:
+            self._report(KEEPER, self._keeper.alive(now_s))
 
     def _guarded(self, do: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T | None:
         """Do something; what it raises stops the propellers, not the loop."""
@@ -143,6 +153,8 @@ class Loop:
         now_s = self._clock()
         with suppress(Exception):
             self._send(self._vessel.hold(now_s))
+        with suppress(Exception):
+            self._publisher.thrust(NEUTRAL)
         detail = f"{where}: {type(error).__name__}: {error}"
         event = INTERNAL_ERROR.at(self._vessel.stamp_ns, detail)
         with suppress(Exception):
@@ -151,6 +163,7 @@ class Loop:
             self._vessel.note((event,), now_s)
 
     def _rest(self) -> None:
+        self._publisher.thrust(NEUTRAL)
         self._send(self._vessel.rest(self._clock()))
 
     def _read_autopilot(self, now_s: float) -> None:
@@ -198,6 +211,10 @@ class Loop:
         if not self._link_is_down:
             self._link_is_down = True
             self._report(LINK_DOWN, str(error))
+
+    def tell(self, kind: EventKind, detail: str) -> None:
+        """Report what whoever drives the loop has found."""
+        self._report(kind, detail)
 
     def _report(self, kind: EventKind, detail: str | None) -> None:
         """Report what happened to the loop itself; None: nothing."""
@@ -254,8 +271,13 @@ def run_vessel(
         recorder = None
         if folder is not None:
             recorder = stack.enter_context(open_recorder(folder, config, source, vessel))
-        publisher = Publisher(bus, recorder, vessel=config.name, sensor=sensor_of(config))
-        loop = Loop(vessel, inbox, transport, publisher, rate_hz=config.command_rate_hz)
+        publisher = Publisher(bus, recorder, vessel=config.name, frames=vessel.frames)
+        keeper = None
+        if config.autopilot.kind == "thrust":
+            keeper = Keeper(config.bus, config.name)
+            stack.callback(keeper.close)
+        rate_hz = config.command_rate_hz
+        loop = Loop(vessel, inbox, transport, publisher, rate_hz=rate_hz, keeper=keeper)
         if refused:
             publisher.report((PRIORITY_REFUSED.at(vessel.stamp_ns, "; ".join(refused)),))
         if approval:
@@ -266,8 +288,11 @@ def run_vessel(
             vessel.note((event,), time.monotonic())
         stack.enter_context(Garbage())  # the first collection takes 20 ms: before a scan comes
         inbox.listen(bus, inputs_of(config))
+        name = Name(bus, config.name, lambda words: loop.tell(NAME_TAKEN, words))
         ready()
-        loop.run(lambda: stop() or until(vessel))
+        loop.run(lambda: stop() or name.is_anothers() or until(vessel))
+    if name.yields:
+        raise BusError(f"another runtime is named {config.name!r} on this bus: give one another")
     summary = RunSummary(
         name=config.name,
         decisions=publisher.decisions,
@@ -283,6 +308,42 @@ def run_vessel(
     if folder is not None:
         write_summary(summary, folder)
     return summary
+
+
+class Name:
+    """Watches that no other runtime on the bus has the vessel's name.
+
+    Orders for one would reach both, and nobody could tell whose thrust and decisions he sees. One
+    that finds another in its first seconds ends, and of two that start together both. Later nobody
+    ends because somebody else appears: it is reported.
+    """
+
+    JUST_STARTED_S = 5.0
+    """[s] Longer than it takes to reach the bus."""
+
+    def __init__(
+        self,
+        bus: ZenohBus,
+        name: str,
+        report: Callable[[str], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.yields = False
+        """Whether this runtime ends, because the name was taken."""
+        self._bus, self._name, self._report, self._clock = bus, name, report, clock
+        self._begin_s = clock()
+        self._known: frozenset[str] = frozenset()
+        bus.claim_name()
+
+    def is_anothers(self) -> bool:
+        """Look for others; tells whether this runtime has to end."""
+        others = self._bus.namesakes
+        if others != self._known:
+            new, self._known = others - self._known, others
+            if new:
+                self._report(f"{self._name}: session {', '.join(sorted(new))}")
+                self.yields = self._clock() - self._begin_s < self.JUST_STARTED_S
+        return self.yields
 
 
 def unused(folder: Path) -> Path:

@@ -11,6 +11,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from msgspec import structs
@@ -30,6 +31,7 @@ from twinscrew.runtime.messages.types import (
     Explanation,
     Fallback,
     Float64,
+    Goal,
     HealthEvent,
     Odometry,
 )
@@ -45,13 +47,15 @@ from twinscrew.runtime.safety.envelope import (
 )
 from twinscrew.runtime.safety.events import (
     BAD_MESSAGE,
+    GOAL_FRAME,
     INTERNAL_ERROR,
     LIDAR_STALE,
     ODOMETRY_STALE,
 )
 from twinscrew.runtime.safety.explain import assurance_manoeuvre, explain
 from twinscrew.runtime.safety.guard import NEUTRAL, Guard, ThrustLimits, Watchdog
-from twinscrew.runtime.vessel.config import SENSED, RuntimeConfig, autopilot_of
+from twinscrew.runtime.vessel.config import SENSED, RuntimeConfig, autopilot_of, sensor_of
+from twinscrew.runtime.vessel.frames import FrameError, Frames
 from twinscrew.runtime.vessel.health import Facts, Health, State
 from twinscrew.runtime.vessel.inputs import Alignment, Inputs, OdometryBufferSettings, Verdict
 from twinscrew.runtime.vessel.outputs import Outputs, Taken
@@ -63,6 +67,16 @@ LATENESS_KEPT_S = 2.0
 """[s] The latest decision or tick of this time counts."""
 FAULT_HOLD_S = 1.0
 """[s] After a fault of the runtime itself the thrust is neutral for this long."""
+
+
+class _Order(NamedTuple):
+    """A goal or a route as it came."""
+
+    stamp_ns: int
+    places: Float64
+    """[m] (K, 2) y and x in its frame: north and east if that is the frame of positions."""
+    frame_ids: tuple[str, ...]
+    is_route: bool
 
 
 class Vessel:
@@ -84,6 +98,8 @@ class Vessel:
         Given if odometry is made of GPS and IMU.
     limits
         What the last guard lets pass; the pipeline's by default.
+    frames
+        What the frames are called, and where those are in which goals may be given.
     looks_first
         Whether nothing may be driven before the surroundings have been seen for long enough, at the
         very start too. A simulation in lock-step begins with vessels that may.
@@ -103,6 +119,7 @@ class Vessel:
         alignment: Alignment | None = None,
         estimator: Estimator | None = None,
         limits: ThrustLimits | None = None,
+        frames: Frames | None = None,
         looks_first: bool = True,
         envelope: Envelope | None = None,
         slow: SpeedLimit | None = None,
@@ -112,6 +129,7 @@ class Vessel:
         self.report = report or GroundReport()
         self.health = Health()
         self.inputs = Inputs(odometry)
+        self.frames = frames or Frames()
         self.decision: Decision | None = None
         """The last one."""
         self.engaged = False
@@ -134,6 +152,7 @@ class Vessel:
             "fallback": self._fallback,
             "gps": self._fix,
             "imu": self._imu,
+            **dict.fromkeys(link.topics, self._for_autopilot),
         }
         self.envelope = envelope or Envelope(EnvelopeSettings(enabled=False))
         self._slow = slow or slow_of(RuntimeConfig())
@@ -145,6 +164,7 @@ class Vessel:
         self._inputs_too_old = False
         self._held_until_s = self._now_s = -math.inf
         self._manoeuvre = ""
+        self._unplaced: _Order | None = None
 
     @property
     def state(self) -> State:
@@ -181,7 +201,7 @@ class Vessel:
         out = Outputs()
         self._look(now_s)
         self._take(Taken(message.topic, message.payload), out, now_s)
-        if out.decision is not None:
+        if out.decision is not None or message.topic in self.link.topics:
             self._command(out, now_s)
         return out
 
@@ -218,7 +238,7 @@ class Vessel:
         if change is not None:
             self._tell(out, now_s, change)
         ready = self._has_looked and now_s >= self._held_until_s and not self._watchdog.stale
-        self._engage(status.engaged and ready, out)
+        self._engage(engaged=status.engaged and ready, out=out)
         self._ground.serve(
             lambda topic, payload: self._take(Taken(topic, payload), out, now_s), stamp_ns, now_s
         )
@@ -286,6 +306,7 @@ class Vessel:
 
     def _scan(self, taken: Taken, out: Outputs, now_s: float) -> None:
         taken.message = cloud = cdr.decode_point_cloud(taken.payload)
+        self.frames.see(cloud.frame_id)
         verdict = self.inputs.scan(cloud)
         if verdict.in_order and self._alignment is not None:
             self._alignment.scan_came(cloud.stamp_ns, now_s)
@@ -294,6 +315,7 @@ class Vessel:
             return
         decision, fault = self.pipeline.step(cloud, verdict.odometry, engaged=self.engaged)
         self.decision = out.decision = decision
+        out.goals_N = self.pipeline.mission.ahead_N
         self._fault = fault is not None
         self._has_looked = self._has_looked or self.pipeline.knows_surroundings
         self._tell(out, now_s, *decision.events)
@@ -302,6 +324,8 @@ class Vessel:
         taken.message = odometry = taken.message or cdr.decode_odometry(taken.payload)
         verdict = self.inputs.odometry(odometry)
         self._judged("odometry", odometry.stamp_ns, verdict, out, now_s)
+        if verdict.usable:
+            self._follow_frames(odometry, out, now_s)
 
     def _judged(
         self, topic: str, stamp_ns: int, verdict: Verdict, out: Outputs, now_s: float
@@ -314,6 +338,8 @@ class Vessel:
 
     def _own_odometry(self, odometry: Odometry, out: Outputs, now_s: float) -> None:
         """Take in odometry that nobody sent, exactly as a replay will read it."""
+        world, vessel = self.frames.world, self.frames.vessel
+        odometry = replace(odometry, frame_id=world, child_frame_id=vessel)
         try:
             payload, odometry = cdr.encode_odometry(odometry), as_read_back(odometry)
         except MessageError as error:
@@ -335,11 +361,56 @@ class Vessel:
 
     def _goal(self, taken: Taken, out: Outputs, now_s: float) -> None:
         goal = cdr.decode_goal(taken.payload)
-        self._tell(out, now_s, self.pipeline.mission.set_goal(goal))
+        places = goal.position_N[None, :]
+        self._order(_Order(goal.stamp_ns, places, (goal.frame_id,), is_route=False), out, now_s)
 
     def _route(self, taken: Taken, out: Outputs, now_s: float) -> None:
-        stamp_ns, places_N = cdr.decode_path(taken.payload)
-        self._tell(out, now_s, self.pipeline.mission.set_route(places_N, stamp_ns))
+        path = cdr.decode_path(taken.payload)
+        order = _Order(path.stamp_ns, path.places_N, path.frame_ids, is_route=True)
+        self._order(order, out, now_s)
+
+    def _order(self, order: _Order, out: Outputs, now_s: float) -> None:
+        """Take a goal or a route, in whatever frame; one that cannot be placed is refused.
+
+        Before the first odometry nobody knows what the frame of positions is called: the order is
+        taken as one in it, and looked at again when that is known.
+        """
+        waits = self.inputs.newest is None
+        self._unplaced = order if waits else None
+        mission, places_N = self.pipeline.mission, order.places
+        if not waits:
+            try:
+                places_N = self.frames.places_N(
+                    order.frame_ids, order.places, order.stamp_ns, self._odometry_at
+                )
+            except FrameError as error:
+                self._tell(out, now_s, GOAL_FRAME.at(self.stamp_ns, str(error)))
+                return
+        stamp_ns = order.stamp_ns or self.stamp_ns
+        if order.is_route:
+            self._tell(out, now_s, mission.set_route(places_N, stamp_ns))
+        else:
+            goal = Goal(stamp_ns=stamp_ns, position_N=places_N[0])
+            self._tell(out, now_s, mission.set_goal(goal))
+
+    def _follow_frames(self, odometry: Odometry, out: Outputs, now_s: float) -> None:
+        """Note what odometry calls its frames; goals that were in others are taken back."""
+        renamed = self.frames.follow(odometry)
+        order, self._unplaced = self._unplaced, None
+        placed = order is None or all(self.frames.is_world(name) for name in order.frame_ids)
+        if renamed or not placed:
+            nowhere = self.pipeline.mission.set_route(np.empty((0, 2)), self.stamp_ns)
+            self._tell(out, now_s, nowhere)
+        if order is not None and not placed:
+            self._order(order, out, now_s)
+
+    def _odometry_at(self, stamp_ns: int) -> Odometry | None:
+        return self.inputs.at(stamp_ns) if stamp_ns else self.inputs.newest
+
+    def _for_autopilot(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        self.link.hear(taken.topic, taken.payload, now_s)
+        if self.engaged and not self.link.status.engaged:
+            self._engage(engaged=False, out=out)  # at once, and not with the next tick
 
     def _engagement(self, taken: Taken, _out: Outputs, _now_s: float) -> None:
         # Of a recording: aboard, `tick` decides.
@@ -410,7 +481,7 @@ class Vessel:
         self._watchdog.awake(now_s)
         self._inputs_too_old = self._watchdog.too_old(now_s)
 
-    def _engage(self, engaged: bool, out: Outputs) -> None:
+    def _engage(self, *, engaged: bool, out: Outputs) -> None:
         """Note who drives: an input of the decisions like any other, so it is recorded."""
         if engaged == self.engaged:
             return
@@ -482,6 +553,7 @@ def make_vessel(
         odometry=config.odometry,
         alignment=Alignment(config.alignment) if source == "autopilot" else None,
         estimator=Estimator(config.estimation) if source == "gps_imu" else None,
+        frames=Frames(config.frames, config.name, sensor_of(config)),
         looks_first=looks_first,
         envelope=Envelope(config.envelope),
         slow=slow_of(config),

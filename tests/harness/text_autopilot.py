@@ -43,6 +43,7 @@ class TextAutopilot:
     """The vessel's end: an `Autopilot` by its methods alone."""
 
     stations = None
+    topics = ()
 
     def __init__(self, settings: AutopilotSettings) -> None:
         self._settings = settings
@@ -52,6 +53,8 @@ class TextAutopilot:
         self._heard_s = self._now_s = -math.inf
         self._was_silent = False
         self._odometry: list[Odometry] = []
+
+    def hear(self, topic: str, payload: bytes, now_s: float) -> None: ...
 
     @property
     def status(self) -> TextAutopilot:

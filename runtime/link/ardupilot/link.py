@@ -285,6 +285,14 @@ class AutopilotLink:
                 self.stations.take(message, now_s)
         self._judge_obedience(now_s)
 
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """See `Autopilot`; it speaks MAVLink alone."""
+        return ()
+
+    def hear(self, topic: str, payload: bytes, now_s: float) -> None:
+        """See `Autopilot`."""
+
     def tick(self, now_s: float, *, may_ask: bool = True) -> bytes:
         """Give what keeps the conversation going: heartbeat, requests, texts.
 

@@ -28,6 +28,13 @@ def test_a_publisher_is_told_with_its_topic_type_hash_and_quality():
     )
 
 
+def test_humbles_tokens_have_no_hashes_and_static_transforms_reach_late_listeners():
+    static = TOPICS["static_transforms"]
+    token = rmw_end(SESSION, 0, "w", "n", 2, End.PUBLISHER, static, "rmw_zenoh_humble")
+    assert token.endswith("tf2_msgs::msg::dds_::TFMessage_/TypeHashNotSupported/:1:,1:,:,:,,")
+    assert dds_end(SESSION, "w", End.PUBLISHER, static).endswith("/:1:1:0,1")
+
+
 def test_a_topic_outside_the_namespace_keeps_its_name():
     token = rmw_end(SESSION, 0, "wamv1", "twinscrew", 3, End.SUBSCRIBER, TOPICS["clock"])
     assert "/MS/%/%wamv1/twinscrew/%clock/rosgraph_msgs::msg::dds_::Clock_/" in token

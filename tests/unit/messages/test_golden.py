@@ -176,7 +176,7 @@ def test_an_imu_message_is_turned_from_enu_and_flu_to_ned_and_frd(suffix):
 
 @BYTE_ORDERS
 def test_a_path_is_turned_from_enu_to_ned(suffix):
-    stamp_ns, places_N = cdr.decode_path(golden("path", suffix))
+    stamp_ns, places_N, _ = cdr.decode_path(golden("path", suffix))
     assert stamp_ns == STAMP_NS
     np.testing.assert_array_equal(places_N, PLACES_N)
 

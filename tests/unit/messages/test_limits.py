@@ -148,7 +148,7 @@ def test_a_route_is_the_same_whether_its_places_are_read_at_once_or_one_by_one(f
 
         message = type_store().deserialize_cdr(payload, PATH_TYPE)
         payload = bytes(type_store().serialize_cdr(message, PATH_TYPE, little_endian=False))
-    stamp_ns, places_N = cdr.decode_path(payload)
+    stamp_ns, places_N, _ = cdr.decode_path(payload)
     assert stamp_ns == 1
     np.testing.assert_array_equal(places_N, [(7.0, float(east)) for east in range(len(frames))])
 

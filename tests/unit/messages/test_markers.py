@@ -7,12 +7,14 @@ from twinscrew.runtime.messages.topics import type_store
 from twinscrew.runtime.messages.types import Objects, Tracks
 from twinscrew.runtime.messages.visual import (
     MARKERS_TYPE,
+    Shape,
     encode_object_markers,
+    encode_shapes,
     encode_track_markers,
 )
 
 ADD, DELETE_ALL = 0, 3
-ARROW, CYLINDER = 0, 3
+ARROW, CYLINDER, LINE_STRIP = 0, 3, 4
 
 
 def read(payload):
@@ -65,3 +67,21 @@ def test_a_track_is_drawn_in_enu_with_an_arrow_along_its_course(v_N, yaw):
 def test_a_track_number_beyond_32_bits_is_folded_and_never_refused():
     _, body, _ = read(encode_track_markers(tracks((1.0, 0.0))))
     assert body.id == 5
+
+
+def test_shapes_are_cylinders_and_closed_lines_in_enu_as_rosbags_reads_them():
+    area_N = np.array([[0.0, 1.0], [2.0, 1.0], [2.0, 5.0]])
+    shapes = [
+        Shape("goals", 3, (0.5, 0.25, 0.0, 1.0), np.array([[40.0, 30.0]]), 1.5),
+        Shape("zones", 2**31 - 1, (1.0, 0.0, 0.0, 0.5), area_N),
+    ]
+    payload = encode_shapes(shapes, stamp_ns=1_500_000_000, frame_id="map")
+    first, goal, zone = read(payload)
+    assert first.action == DELETE_ALL
+    assert (goal.type, goal.ns, goal.id, goal.header.frame_id) == (CYLINDER, "goals", 3, "map")
+    assert (goal.pose.position.x, goal.pose.position.y) == (30.0, 40.0)
+    assert (goal.scale.x, goal.color.r, goal.color.a, len(goal.points)) == (3.0, 0.5, 1.0, 0)
+    assert (zone.type, zone.pose.orientation.w) == (LINE_STRIP, 1.0)
+    assert [(p.x, p.y) for p in zone.points] == [(1, 0), (1, 2), (5, 2), (1, 0)]
+    again = type_store().deserialize_cdr(payload, MARKERS_TYPE)
+    assert bytes(type_store().serialize_cdr(again, MARKERS_TYPE)) == payload

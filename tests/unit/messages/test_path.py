@@ -14,9 +14,10 @@ from twinscrew.runtime.messages.topics import type_store
 def test_what_goes_out_comes_back_and_is_what_rosbags_reads(count, frame_id):
     p_N = np.arange(2.0 * count).reshape(count, 2)
     payload = cdr.encode_path(p_N, stamp_ns=12_345_678_901, frame_id=frame_id)
-    stamp_ns, again_N = cdr.decode_path(payload)
+    stamp_ns, again_N, frame_ids = cdr.decode_path(payload)
     assert stamp_ns == 12_345_678_901
     np.testing.assert_array_equal(again_N, p_N)
+    assert frame_ids == ((frame_id,) if count else ())
     message = type_store().deserialize_cdr(payload, PATH_TYPE)
     found = [(pose.pose.position.y, pose.pose.position.x) for pose in message.poses]
     assert found == [tuple(place) for place in p_N.tolist()]

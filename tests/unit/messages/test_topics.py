@@ -32,6 +32,12 @@ def test_rmw_zenoh_keys_have_domain_name_type_and_hash():
     assert name == f"7/wamv1/thrusters/left/thrust/{type_}"
 
 
+def test_the_keys_of_humbles_rmw_zenoh_have_no_hashes():
+    name = key(TOPICS["thrust_left"], "wamv1", "rmw_zenoh_humble", domain=7)
+    type_ = "std_msgs::msg::dds_::Float64_/TypeHashNotSupported"
+    assert name == f"7/wamv1/thrusters/left/thrust/{type_}"
+
+
 @pytest.mark.parametrize("namespace", ["", "/wamv", "wamv/", "a b", "1boat", "a//b", "wamv/**"])
 def test_a_namespace_that_ros_does_not_allow_is_refused(namespace):
     with pytest.raises(BusError, match="is not a namespace"):

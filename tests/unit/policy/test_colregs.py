@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from twinscrew.runtime.policy.colregs import (
+    CROSSING_ZONE,
+    HEAD_ON_ZONE,
     ColregsSettings,
     Situation,
     compliant_course,
@@ -108,3 +110,16 @@ def test_the_zones_are_settings() -> None:
     wide = ColregsSettings(head_on_half_width_m=10.0)
     p, other, ego = np.array([10.0, 8.0]), np.array(SOUTH), np.array(NORTH)
     assert situation(p, other, ego, wide) == Situation.HEAD_ON
+
+
+@pytest.mark.parametrize(
+    ("corners", "inside"), [(HEAD_ON_ZONE, in_head_on_zone), (CROSSING_ZONE, in_crossing_zone)]
+)
+def test_the_corners_that_are_drawn_enclose_the_zones_that_are_tested(corners, inside) -> None:
+    points = np.random.default_rng(0).uniform(-25.0, 25.0, (4000, 2))
+    edges = np.roll(corners, -1, axis=0) - corners
+    towards = points[:, None, :] - corners
+    sides = edges[:, 0] * towards[..., 1] - edges[:, 1] * towards[..., 0]
+    enclosed = (sides > 0).all(axis=1) | (sides < 0).all(axis=1)  # the zones are convex
+    assert 200 < enclosed.sum() < 2000
+    np.testing.assert_array_equal(enclosed, inside(points[:, 0], points[:, 1]))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.harness.boat import Steady, decided, make_pipeline, odometry
@@ -9,15 +11,19 @@ from tests.harness.boat import Steady, decided, make_pipeline, odometry
 from twinscrew.runtime.bus.base import MemoryBus, Received
 from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.types import Decision
+from twinscrew.runtime.messages.topics import TOPICS, type_store
+from twinscrew.runtime.messages.types import Decision, Tracks
+from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.recording.recording import DecisionHash
 from twinscrew.runtime.safety.events import LIDAR_STALE, OVERRUN
+from twinscrew.runtime.vessel.frames import Frames, FrameSettings
 from twinscrew.runtime.vessel.outputs import (
     PATH_PLACES,
     Outputs,
     Publisher,
     SailedPath,
     Taken,
+    situation_shapes,
 )
 
 OUTPUTS = ("decision", "objects", "tracks", "diagnostics", "thrust_left", "thrust_right")
@@ -68,7 +74,7 @@ def test_what_is_published_is_recorded_with_the_clocks_time() -> None:
     publisher.publish(outputs(messages=[Taken("points", b"scan")], decision=decide()))
     assert book.pages[0] == ("points", b"scan", 7)
     assert [topic for topic, *_ in book.pages[1:]] == [
-        "decision", "objects", "tracks", "thrust_left", "thrust_right"
+        "decision", "objects", "tracks", "situation", "thrust_left", "thrust_right"
     ]  # fmt: skip
 
 
@@ -177,7 +183,7 @@ def sail(path, times_s, speed=2.0):
 def test_it_is_told_once_a_second_with_a_place_a_metre():
     told = sail(SailedPath(), np.arange(0.0, 10.0, 0.05))
     assert len(told) == 10
-    _, places_N = cdr.decode_path(told[-1])
+    _, places_N, _ = cdr.decode_path(told[-1])
     np.testing.assert_allclose(np.diff(places_N[:, 0]), 1.0, atol=0.11)
     assert (places_N[:, 1] == 0.0).all()
 
@@ -189,7 +195,7 @@ def test_a_boat_at_rest_leaves_one_place():
 
 def test_a_long_way_keeps_its_end():
     told = sail(SailedPath(), np.arange(0.0, 2.0 * PATH_PLACES, 1.0))
-    _, places_N = cdr.decode_path(told[-1])
+    _, places_N, _ = cdr.decode_path(told[-1])
     assert len(places_N) == PATH_PLACES
     assert places_N[-1, 0] == 2.0 * (2.0 * PATH_PLACES - 1)
 
@@ -208,3 +214,65 @@ def test_only_what_was_made_here_is_published_and_all_of_it_is_recorded() -> Non
     Publisher(bus, book, clock_ns=lambda: 7).publish(Outputs(messages=taken))
     assert [message.payload for message in heard] == [b"own"]
     assert book.pages == [("points", b"scan", 7), ("odometry", b"own", 7)]
+
+
+@pytest.mark.parametrize("publish", [False, True])
+def test_transforms_are_always_recorded_and_published_where_the_settings_say_so(
+    publish: bool,
+) -> None:
+    bus, heard, book = MemoryBus("wamv"), [], Book()
+    for topic in ("transforms", "static_transforms"):
+        bus.subscribe(topic, heard.append)
+    frames = Frames(FrameSettings(publish=publish), "wamv", load_sensor("vrx16"))
+    frames.see("wamv/lidar")
+    publisher = Publisher(bus, book, frames=frames, clock_ns=lambda: 7)
+    for k in range(3):
+        made = odometry(k / 2)
+        publisher.publish(Outputs(messages=[Taken("odometry", cdr.encode_odometry(made), made)]))
+    recorded = [topic for topic, _, _ in book.pages]
+    assert recorded.count("transforms") == 3
+    assert recorded.count("static_transforms") == 2  # once a second
+    assert [m.topic for m in heard].count("transforms") == (3 if publish else 0)
+    assert [m.topic for m in heard].count("static_transforms") == (2 if publish else 0)
+
+
+def test_markers_and_path_are_in_the_frames_of_the_odometry() -> None:
+    book, frames = Book(), Frames(None, "wamv")
+    frames.follow(replace(odometry(0.0), frame_id="map", child_frame_id="wamv/base_link"))
+    publisher = Publisher(None, book, frames=frames, clock_ns=lambda: 7)
+    made = odometry(0.0)
+    publisher.publish(Outputs(messages=[Taken("odometry", cdr.encode_odometry(made), made)]))
+    publisher.publish(outputs((12.0, -3.0), decision=decide()))
+    named = {}
+    for topic, payload, _ in book.pages:
+        if topic in ("path", "objects", "tracks"):
+            message = type_store().deserialize_cdr(payload, TOPICS[topic].ros_type)
+            named[topic] = (message.markers[0] if topic != "path" else message).header.frame_id
+    assert named == {"path": "map", "objects": "wamv/base_link", "tracks": "map"}
+
+
+def test_goals_buoys_and_the_zones_of_vessels_under_way_are_drawn_twice_a_second() -> None:
+    tracks = Tracks(
+        stamp_ns=0,
+        id=np.array([7, 8, 9]),
+        p_N=np.array([[10.0, 0.0], [20.0, 5.0], [40.0, 0.0]]),
+        v_N=np.array([[0.1, 0.0], [0.0, 2.0], [0.0, 0.0]]),  # a buoy, a vessel going east, a quay
+        radius=np.array([0.5, 2.5, 15.0]),
+        covariance=np.zeros((3, 4, 4)),
+        age_s=np.zeros(3),
+    )
+    goals_N = np.array([[50.0, 0.0], [60.0, 10.0]])
+    drawn = {(s.namespace, s.number): s for s in situation_shapes(tracks, goals_N)}
+    assert set(drawn) == {
+        ("goals", 0), ("goals", 1), ("buoys", 7), ("head_on", 8), ("crossing", 8)
+    }  # fmt: skip
+    ahead = drawn["head_on", 8].points_N - (20.0, 5.0)
+    assert ahead[:, 1].max() == pytest.approx(17.0)  # along its velocity: east
+    to_port = drawn["crossing", 8].points_N - (20.0, 5.0)
+    assert to_port[:, 0].max() == pytest.approx(17.0)  # of a vessel going east: north
+    book = Book()
+    publisher = Publisher(None, book, clock_ns=lambda: 7)
+    for k in range(11):
+        made = replace(decide(), tracks=replace(tracks, stamp_ns=k * 100_000_000))
+        publisher.publish(outputs(decision=made, goals_N=goals_N))
+    assert [topic for topic, *_ in book.pages].count("situation") == 3

@@ -203,7 +203,7 @@ def test_a_decision_that_comes_too_late_is_counted_told_and_degrades() -> None:
     assert rig.loop.overruns == pytest.approx(10, abs=1)
     assert "overrun" in rig.names
     details = [event.detail for event in rig.events if event.name == "state"]
-    assert "active -> degraded" in details
+    assert {"active -> degraded", "active -> safe"} & set(details)  # later still, if it is slow
 
 
 def test_a_connection_that_breaks_is_told_once_and_the_loop_goes_on() -> None:
@@ -335,6 +335,7 @@ def test_a_message_is_recorded_before_it_is_worked_on(monkeypatch: pytest.Monkey
     assert "internal_error" not in rig.names
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", [*STAGES, *ENCODERS])
 def test_whatever_raises_stops_the_propellers_is_named_and_does_not_end_the_loop(
     where: str, monkeypatch: pytest.MonkeyPatch
@@ -463,3 +464,52 @@ def test_a_summary_that_is_missing_or_damaged_is_refused_by_name(
         (tmp_path / SUMMARY_FILE).write_bytes(content)
     with pytest.raises(RecordingError, match=SUMMARY_FILE):
         read_summary(tmp_path)
+
+
+@pytest.mark.parametrize("where", ["tick", "handle"])
+def test_a_fault_of_the_runtime_and_its_end_are_zero_on_the_thrusters_topics(
+    where: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = Rig().run(5.0)
+    assert cdr.decode_thrust(rig.thrusts[-2]) > 0.0  # the last is that of the run's end
+    assert cdr.decode_thrust(rig.thrusts[-1]) == 0.0
+
+    def broken(*_: object) -> None:
+        raise RuntimeError("unforeseen")
+
+    rig.thrusts.clear()
+    with monkeypatch.context() as patched:
+        patched.setattr(Vessel, where, broken)
+        rig.run(0.5)
+    assert len(rig.thrusts) >= 5  # again and again
+    assert not any(cdr.decode_thrust(payload) for payload in rig.thrusts)
+
+
+class SilentKeeper:
+    """A keeper that notes when it is told that the runtime lives."""
+
+    def __init__(self) -> None:
+        self.told: list[float] = []
+        self.word: str | None = None
+
+    def alive(self, now_s: float) -> str | None:
+        self.told.append(now_s)
+        word, self.word = self.word, None
+        return word
+
+
+def test_the_keeper_is_told_with_every_tick_that_commanded_and_not_by_one_that_failed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rig, keeper = Rig(), SilentKeeper()
+    rig.loop._keeper = keeper
+    rig.run(2.0)
+    assert np.diff(keeper.told).max() < 0.06
+    keeper.told.clear()
+    with monkeypatch.context() as patched:
+        patched.setattr(Publisher, "thrust", lambda *_: 1 / 0)
+        rig.run(1.0)
+    assert not keeper.told  # it sends zero in our place
+    keeper.word = "it had ended with status -9"
+    rig.run(0.2)
+    assert "keeper" in rig.names

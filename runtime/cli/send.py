@@ -1,0 +1,115 @@
+"""`twinscrew send`: gives a boat goals, and lets it drive, where there is no ROS 2 to do it.
+
+The messages are those of `ros2 topic pub`; docs/ros2.md shows both.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+if TYPE_CHECKING:
+    from twinscrew.runtime.bus.zenoh import ZenohBus
+
+app = typer.Typer(
+    help="Give a boat goals, and let it drive: what `ros2 topic pub` does, without ROS 2.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+FOUND_S: Final = 5.0
+"""[s] How long to look for somebody who listens."""
+ENABLE_EVERY_S: Final = 0.2
+"""[s] Between two enables: five fit into the time after which a boat stops."""
+FLUSH_S: Final = 0.1
+"""[s] For what was sent last to leave."""
+
+Config = Annotated[
+    Path | None,
+    typer.Option(help="The boat's TOML file: its name, and how its bus is reached."),
+]
+
+
+@app.command()
+def goal(
+    x: Annotated[float, typer.Argument(help="[m] In the frame: east, if that is the odometry's.")],
+    y: Annotated[float, typer.Argument(help="[m] North; of base_link: to port.")],
+    config: Config = None,
+    frame: Annotated[str, typer.Option(help="Frame of x and y; the odometry's without it.")] = "",
+) -> None:
+    """Send a goal (geometry_msgs/PoseStamped), in the place of all before."""
+    import numpy as np
+
+    from twinscrew.runtime.errors import ConfigError
+    from twinscrew.runtime.messages import cdr
+    from twinscrew.runtime.messages.types import Goal
+
+    if not (abs(x) < 1e8 and abs(y) < 1e8):
+        raise ConfigError(f"{x}, {y} is no place on the water", key="goal")
+    place = Goal(stamp_ns=0, position_N=np.array([y, x]))  # stamp 0: now, as in ROS
+    with _bus(config, "goal") as bus:
+        bus.publish("goal", cdr.encode_goal(place, frame_id=frame))
+
+
+@app.command()
+def stop(config: Config = None) -> None:
+    """Take all goals back (an empty nav_msgs/Path): the boat stops."""
+    import numpy as np
+
+    from twinscrew.runtime.messages import cdr
+
+    with _bus(config, "route") as bus:
+        bus.publish("route", cdr.encode_path(np.empty((0, 2)), stamp_ns=0, frame_id=""))
+
+
+@app.command()
+def enable(
+    config: Config = None,
+    once: Annotated[bool, typer.Option("--once", help="Say it once, and end.")] = False,
+) -> None:
+    """Let a boat drive that takes newtons by topic (std_msgs/Bool), until Ctrl-C; then stop it."""
+    from twinscrew.runtime.messages import cdr
+
+    with _bus(config, "enable") as bus:
+        try:
+            bus.publish("enable", cdr.encode_enable(True))
+            while not once:
+                time.sleep(ENABLE_EVERY_S)
+                bus.publish("enable", cdr.encode_enable(True))
+        except KeyboardInterrupt:
+            bus.publish("enable", cdr.encode_enable(False))
+
+
+@app.command()
+def disable(config: Config = None) -> None:
+    """Stop a boat that takes newtons by topic, at once."""
+    from twinscrew.runtime.messages import cdr
+
+    with _bus(config, "enable") as bus:
+        bus.publish("enable", cdr.encode_enable(False))
+
+
+@contextmanager
+def _bus(config: Path | None, topic: str) -> Iterator[ZenohBus]:
+    """Open a boat's bus, and wait until somebody hears a topic of it."""
+    from msgspec.structs import replace
+
+    from twinscrew.runtime.bus.zenoh import ZenohBus
+    from twinscrew.runtime.errors import BusError
+    from twinscrew.runtime.vessel.config import RuntimeConfig, load_config
+
+    settings = RuntimeConfig() if config is None else load_config(config)
+    # A client needs somebody there at once, and hears everybody behind them.
+    zenoh = replace(settings.bus, mode="client", listen=(), node="")
+    with closing(ZenohBus(zenoh, settings.name)) as bus:
+        if not bus.wait_for_subscribers((topic,), FOUND_S):
+            name = f"/{settings.name}/{zenoh.topic(topic).key}"
+            raise BusError(f"nobody hears {name}: is the runtime of {settings.name} running?")
+        yield bus
+        time.sleep(FLUSH_S)
