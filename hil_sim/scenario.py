@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from dataclasses import replace as changed
 from pathlib import Path
 from typing import Any
 
@@ -162,7 +163,7 @@ def on_trial(scenario: Scenario, trial: str, time_s: float) -> Scenario:
     starts = np.zeros((scenario.vessels, 3))
     starts[:, 0] = room
     starts[:, 1] = room + 3.0 * room * np.arange(scenario.vessels)
-    return replace(
+    return changed(
         scenario,
         name=f"trial {trial}",
         starts=starts,

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
-from msgspec.structs import replace
+from msgspec import structs
 
 from twinscrew.hil_sim.scene import rotations
 from twinscrew.hil_sim.sensors.navigation import Navigation
@@ -146,7 +146,9 @@ class Voyage:
         self._wait_at_the_dock()
         for i in self._vessels:
             self._world.release(i)
-        settings = replace(self._supervisor_settings or SupervisorSettings(), goals_count=False)
+        settings = structs.replace(
+            self._supervisor_settings or SupervisorSettings(), goals_count=False
+        )
         self._supervisor = supervisor = Supervisor(self._world, settings)
         while not supervisor.over:
             self._tick()

@@ -138,7 +138,9 @@ def made_up(seed: int) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     way = rng.uniform(-math.pi, math.pi)
     speed = 0.15 * top * rng.uniform(0.0, 1.0)
     sea = {"current_mps": [speed * math.cos(way), speed * math.sin(way)]}
-    return truth, known, sea
+    plain: tuple[dict[str, Any], dict[str, Any], dict[str, Any]]
+    plain = tuple(json.loads(json.dumps(table)) for table in (truth, known, sea))  # no numpy
+    return plain
 
 
 def _described(table: dict[str, Any]) -> VesselDescription:

@@ -45,13 +45,14 @@ def run(
 
     With `autopilot.arm = true` it asks for arming only after `twinscrew consent`, once.
     """
-    serve(load_approved(config, manifest, public_key), config, tethered=tethered)
+    serve(load_approved(config, manifest, public_key), config, arm=arm, tethered=tethered)
 
 
 def serve(
     approved: Approved,
     source: Path,
     *,
+    arm: bool = False,
     tethered: bool = False,
     until: Callable[[Vessel], bool] = lambda _vessel: False,
 ) -> None:

@@ -43,6 +43,9 @@ def trial(
         float, typer.Option(help="No track may come nearer [m]; 0: two lengths.", min=0)
     ] = 0.0,
     max_time: Annotated[float, typer.Option(help="Done after so long [s].")] = 1200.0,
+    arm: Annotated[
+        bool, typer.Option("--arm", help="Consent to this trial's driving, as autopilot.arm.")
+    ] = False,
     manifest: Annotated[
         Path | None, typer.Option(help="Read only files that agree with this manifest.")
     ] = None,
@@ -69,7 +72,7 @@ def trial(
     settings = replace(approved.config, trial=convert({"trial": wanted}, _Wanted).trial)
     Trial(settings.trial, load_vessel(settings.vessel), settings.thrust)  # refuse it right away
     watch = _Watch(settings.name)
-    serve(dataclasses.replace(approved, config=settings), config, until=watch)
+    serve(dataclasses.replace(approved, config=settings), config, arm=arm, until=watch)
     if not watch.done:
         raise typer.Exit(ENDED_EARLY)
 
