@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twinscrew.hil_sim.scenario import Scenario
+from twinscrew.hil_sim.traffic import Traffic
 from twinscrew.hil_sim.trajectory import TrajectoryLog
 from twinscrew.runtime.messages.types import Float64
 
@@ -196,6 +197,8 @@ def _draw_map(axes: Axes, scenario: Scenario, low: Float64, high: Float64) -> No
         axes.add_patch(Circle((east, north), radius, color="0.25", zorder=3))
     for quay in scenario.quays:
         axes.add_patch(_quay(quay))
+    for box in Traffic(scenario.traffic).boxes:
+        axes.add_patch(_quay(box))
     for i, (north, east) in enumerate(scenario.goals):
         colour = COLOURS[i % len(COLOURS)]
         style = {"fill": False, "color": colour, "linestyle": ":", "linewidth": 0.9}

@@ -18,6 +18,7 @@ from msgspec.structs import replace
 
 from twinscrew.hil_sim import random_scenario
 from twinscrew.hil_sim.random_scenario import Coordinate, RandomSettings, from_quays
+from twinscrew.hil_sim.traffic import TrafficEntry
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import NonNegative, Positive, Settings, load, shipped
@@ -55,6 +56,8 @@ class Scenario:
     """[s] A vessel under way longer than this has failed."""
     goal_radius: float
     """[m] A vessel whose origin is this near its goal has arrived."""
+    traffic: tuple[TrafficEntry, ...] = ()
+    """(T,) Scripted ships, which give way to nobody."""
 
     @property
     def vessels(self) -> int:
@@ -109,6 +112,7 @@ class ScenarioFile(Settings, frozen=True, kw_only=True):
     vessel: tuple[VesselEntry, ...] = ()
     buoy: tuple[BuoyEntry, ...] = ()
     quay: tuple[QuayEntry, ...] = ()
+    traffic: tuple[TrafficEntry, ...] = ()
 
 
 def load_scenario(
@@ -170,6 +174,7 @@ def on_trial(scenario: Scenario, trial: str, time_s: float) -> Scenario:
         goals=starts[:, :2].copy(),
         buoys=np.empty((0, 3)),
         quays=np.empty((0, 6)),
+        traffic=(),
         map_size=(2.0 * room, float(starts[-1, 1]) + room),
         time_limit_s=time_s + 60.0,
     )
@@ -264,6 +269,7 @@ def _scenario(
         types=each,
         thrust_limits=limits,
         quays=_quays(file),
+        traffic=file.traffic,
         map_size=file.map_size_m,
         sea=file.sea,
         time_limit_s=file.time_limit_s,

@@ -8,6 +8,7 @@ from typing import Any, Literal
 from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.hil_sim.drivers.processes import LOOPBACK, free_port
 from twinscrew.hil_sim.scenario import Scenario
+from twinscrew.hil_sim.sensors.marine import OWN_MMSI
 from twinscrew.hil_sim.sitl_settings import Interface, OdometrySource, SitlSettings
 from twinscrew.runtime.bus.zenoh import DEFAULT_PORT, ZenohSettings
 from twinscrew.runtime.datum import Datum
@@ -48,6 +49,7 @@ def runtime_config(
         perception=expecting(scenario.types),
         autopilot=_autopilot(settings, vessel),
         trial=_trial(settings, kind),
+        senses=_senses(settings, vessel),
         ground=ALL_TOLD if settings.ground else GroundSettings(),
         bus={"key_format": settings.key_format, "domain": settings.domain},
         recording={
@@ -63,6 +65,17 @@ def _trial(settings: SitlSettings, kind: VesselDescription) -> dict[str, Any]:
         return {}
     around_m = room_m(settings.trial, kind)
     return {"name": settings.trial, "around_m": around_m, "max_time_s": settings.trial_time_s}
+
+
+def _senses(settings: SitlSettings, vessel: int) -> dict[str, Any]:
+    """Give the sensors beside the LiDAR that are simulated."""
+    marine, found = settings.marine, {}
+    if marine.ais is not None:
+        own = OWN_MMSI + vessel if marine.ais.own_vessels else 0
+        found["ais"] = {"own_mmsi": own}
+    if marine.radar is not None:
+        found["radar"] = {}
+    return found
 
 
 def simulator_zenoh(settings: SitlSettings) -> ZenohSettings:

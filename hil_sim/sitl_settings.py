@@ -8,6 +8,7 @@ from typing import Annotated
 from msgspec import Meta
 
 from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotSettings
+from twinscrew.hil_sim.sensors.marine import MarineSettings
 from twinscrew.hil_sim.sensors.navigation import NavigationSettings
 from twinscrew.runtime.errors import ConfigError, one_of
 from twinscrew.runtime.messages.topics import KeyFormat
@@ -67,6 +68,8 @@ class SitlSettings(Settings, frozen=True):
     odometry: OdometrySource = OdometrySource.BUS
     navigation: NavigationSettings = NavigationSettings()
     """The simulated GPS and IMU; only for `odometry = "gps_imu"`."""
+    marine: MarineSettings = MarineSettings()
+    """The simulated AIS and radar, which the runtimes then use."""
     faults: str = ""
     """A file of faults, or the name of one in config/faults; empty: none."""
     write_params: bool = False

@@ -19,8 +19,9 @@ from twinscrew.hil_sim.drivers.vrx import Vrx
 from twinscrew.hil_sim.faults.assemble import faulty_crew, plans_by_vessel, verdicts
 from twinscrew.hil_sim.faults.plan import FaultPlan
 from twinscrew.hil_sim.faults.verdict import Verdict
+from twinscrew.hil_sim.sensors.marine import MarineSensors
 from twinscrew.hil_sim.sensors.navigation import Navigation
-from twinscrew.hil_sim.sitl_runtimes import simulator_zenoh
+from twinscrew.hil_sim.sitl_runtimes import DATUM, simulator_zenoh
 from twinscrew.hil_sim.sitl_settings import OdometrySource, SitlSettings
 from twinscrew.hil_sim.supervisor import Result
 from twinscrew.hil_sim.world import World
@@ -152,4 +153,5 @@ def _voyage(setup: Setup, crew: Crew) -> Voyage:
         dock_limit_s=DOCK_LIMIT_S if ours else ARDUPILOT_DOCK_LIMIT_S,
         progress=setup.progress,
         navigation=Navigation(world, settings.navigation) if sensed else None,
+        marine=MarineSensors(world, settings.marine, DATUM) if settings.marine.any else None,
     )

@@ -19,6 +19,7 @@ from twinscrew.hil_sim.commands.sitl_answer import tell
 from twinscrew.hil_sim.commands.sitl_progress import sail_shown
 from twinscrew.hil_sim.drivers.vrx import as_vrx_names_it
 from twinscrew.hil_sim.scenario import Scenario, load_scenario, on_trial
+from twinscrew.hil_sim.sensors.marine import AisTransponders, MarineSettings, RadarUnit
 from twinscrew.hil_sim.sitl_settings import (
     AutopilotKind,
     Interface,
@@ -101,6 +102,12 @@ def sitl(
     odometry: Annotated[
         OdometrySource, typer.Option(help="Where the runtimes take odometry from.")
     ] = OdometrySource.BUS,
+    ais: Annotated[
+        bool, typer.Option("--ais", help="Ships report themselves, and the runtimes use it.")
+    ] = False,
+    radar: Annotated[
+        bool, typer.Option("--radar", help="Vessels have a radar beside their LiDAR.")
+    ] = False,
     write_params: Annotated[
         bool, typer.Option("--write-params", help="Write autopilot parameters that are wrong.")
     ] = False,
@@ -167,6 +174,9 @@ def sitl(
             first_instance=ardupilot_instance,
         ),
         odometry=odometry,
+        marine=MarineSettings(
+            ais=AisTransponders() if ais else None, radar=RadarUnit() if radar else None
+        ),
         write_params=write_params,
         faults=faults,
         ground=ground,

@@ -38,6 +38,8 @@ from twinscrew.runtime.safety.events import (
     INPUT_RECOVERED,
     OF_THE_AUTOPILOT,
 )
+from twinscrew.runtime.senses.nmea import NmeaSettings
+from twinscrew.runtime.senses.table import sense_topics
 from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
 from twinscrew.runtime.vessel.trial import TRIAL_ENDS
 
@@ -250,6 +252,7 @@ class RealtimeCrew:
         self._ready_since: dict[int, float] = {}
         self._now_s = 0.0
         self._begin_s: float | None = None
+        self._nmea: dict[int, UdpTransport] = {}
         self.endpoint = ""
         """Where the simulator's Zenoh listens, once it does."""
         self.late_s = 0.0
@@ -282,8 +285,15 @@ class RealtimeCrew:
         self.close()
 
     def deliver(self, vessel: int, topic: str, payload: bytes, now_s: float) -> None:  # noqa: ARG002
-        """See `Crew`; odometry that the runtime makes itself is its own to publish."""
-        if topic in inputs_of(self._configs[vessel]):
+        """See `Crew`; odometry that the runtime makes itself is its own to publish.
+
+        Sentences of NMEA go as a receiver sends them: as lines, in datagrams.
+        """
+        if topic == "nmea" and vessel in self._nmea:
+            with contextlib.suppress(MessageError):  # of a line that a fault has damaged
+                text = cdr.decode_sentence(payload).text
+                self._nmea[vessel].send(f"{text}\r\n".encode(errors="replace"))
+        elif topic in inputs_of(self._configs[vessel]):
             self._buses[vessel].publish(topic, payload)
 
     def exchange(self, vessel: int, now_s: float, odometry: Odometry) -> None:
@@ -359,6 +369,8 @@ class RealtimeCrew:
         """Stop every process, and wait for it."""
         see_off(self._runtimes)
         self._fleet.close()
+        for line in self._nmea.values():
+            line.close()
         for bus in self._buses[:1]:  # they share one session
             bus.close()
 
@@ -375,7 +387,13 @@ class RealtimeCrew:
             wait_s=self._fleet.patience_s,
         )
         bus = msgspec.structs.replace(config.bus, connect=(f"tcp/{LOOPBACK}:{port}",))
-        return msgspec.structs.replace(config, autopilot=autopilot, bus=bus)
+        senses = config.senses
+        if "nmea" in sense_topics(senses):
+            port = free_port()
+            self._nmea[vessel] = UdpTransport(LOOPBACK, port, listens=False)
+            receiver = NmeaSettings(connections=(f"udpin:{LOOPBACK}:{port}",))
+            senses = msgspec.structs.replace(senses, nmea=receiver)
+        return msgspec.structs.replace(config, autopilot=autopilot, bus=bus, senses=senses)
 
     def _wait_for_runtimes(self) -> None:
         for config, bus in zip(self._configs, self._buses, strict=True):

@@ -16,6 +16,7 @@ import numpy as np
 from msgspec import structs
 
 from twinscrew.hil_sim.scene import rotations
+from twinscrew.hil_sim.sensors.marine import MarineSensors
 from twinscrew.hil_sim.sensors.navigation import Navigation
 from twinscrew.hil_sim.supervisor import Outcome, Result, Supervisor, SupervisorSettings
 from twinscrew.hil_sim.trajectory import TrajectoryLog
@@ -95,6 +96,7 @@ class Voyage:
         supervisor: SupervisorSettings | None = None,
         progress: Callable[[float, tuple[Result, ...]], None] | None = None,
         navigation: Navigation | None = None,
+        marine: MarineSensors | None = None,
     ) -> None:
         """Prepare a voyage.
 
@@ -108,6 +110,8 @@ class Voyage:
             Called with the simulated time and the present results, every odometry tick.
         navigation
             The vessels' GPS and IMU, if their runtimes want them.
+        marine
+            Their AIS receivers and radars, if they have any.
         """
         self._world = world
         self._crew = crew
@@ -116,6 +120,7 @@ class Voyage:
         self._supervisor_settings = supervisor
         self._progress = progress
         self._navigation = navigation
+        self._marine = marine
         self._vessels = range(world.scenario.vessels)
         self._phases = round(ODOMETRY_S / crew.exchange_s)
         self._measured: dict[int, Odometry] = {}
@@ -247,12 +252,11 @@ class Voyage:
                 self._deliver(i, "points", cdr.encode_point_cloud(cloud))
 
     def _navigate(self) -> None:
-        """Hand on what GPS and IMU have measured meanwhile."""
-        if self._navigation is None:
-            return
-        for sensed in self._navigation.take():
-            if not self._ended(sensed.vessel):
-                self._deliver(*sensed)
+        """Hand on what GPS and IMU, AIS receiver and radar have measured meanwhile."""
+        for sensors in (self._navigation, self._marine):
+            for sensed in () if sensors is None else sensors.take():
+                if not self._ended(sensed.vessel):
+                    self._deliver(*sensed)
 
     def _deliver(self, vessel: int, topic: str, payload: bytes) -> None:
         self._crew.deliver(vessel, topic, payload, self._world.time_s)

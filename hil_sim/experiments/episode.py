@@ -92,8 +92,9 @@ def surroundings(world: World, vessel: int, reach_m: float) -> Surroundings:
     ConfigError
         The scenario has quays: they are no circles.
     """
-    if len(world.scenario.quays):
-        raise ConfigError("a quay is no circle: not with ideal perception", key="--ablate")
+    if len(world.scenario.quays) or world.scenario.traffic:
+        what = "a quay" if len(world.scenario.quays) else "a ship"
+        raise ConfigError(f"{what} is no circle: not with ideal perception", key="--ablate")
     bodies = world.bodies()
     buoys = world.scenario.buoys[:, 2]
     radius = np.r_[[vessel.contact_radius_m for vessel in world.vessels], buoys]
@@ -167,7 +168,7 @@ class DirectCrew(LockstepCrew):
 
 # -- What an experiment must remember: what a vessel touched, how often the assurance stepped in.
 
-Touched = Literal["vessel", "buoy", "quay"]
+Touched = Literal["vessel", "buoy", "quay", "traffic"]
 
 
 class WitnessWorld(World):
@@ -185,10 +186,12 @@ class WitnessWorld(World):
         super().remove(vessel)
 
     def _kind(self, column: int) -> Touched:
-        """Say what a column of the gaps is: vessels come first, then buoys, then quays."""
-        if column < self.scenario.vessels:
-            return "vessel"
-        return "buoy" if column < self.scenario.vessels + len(self.scenario.buoys) else "quay"
+        """Say what a column of the gaps is: vessels, buoys, quays, traffic."""
+        ends = np.cumsum(
+            [self.scenario.vessels, len(self.scenario.buoys), len(self.scenario.quays)]
+        )
+        kinds: tuple[Touched, ...] = ("vessel", "buoy", "quay", "traffic")
+        return kinds[int(np.searchsorted(ends, column, side="right"))]
 
 
 class WitnessAssurance(Assurance):

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from twinscrew.runtime.errors import ConfigError, TwinscrewError
-from twinscrew.runtime.messages.types import OBSERVED_OBJECTS, Observation
+from twinscrew.runtime.policy.observation import nothing_seen
 from twinscrew.runtime.settings import shipped
 from twinscrew.runtime.vessel.approval import load_approved
 from twinscrew.runtime.vessel.config import RuntimeConfig, sensor_of
@@ -363,11 +363,8 @@ def _policy_of(config: RuntimeConfig) -> Policy:
 def check_policy(config: RuntimeConfig) -> Finding:
     """Load the policy, and ask it the same thing twice."""
     policy = _policy_of(config)
-    blank = Observation(
-        ego=np.array([20, 0, 0, 0, 0, 0, 0], dtype=np.float32),
-        objects=np.zeros((OBSERVED_OBJECTS, 5), dtype=np.float32),
-        mask=np.zeros(OBSERVED_OBJECTS, dtype=np.float32),
-    )
+    blank = nothing_seen(policy.shown)
+    blank.ego[0] = 20.0
     first, second = policy.act(blank), policy.act(blank)
     found = f"{policy.name}, a decision every {policy.period_s:g} s"
     if not np.array_equal(first, second):
@@ -377,9 +374,12 @@ def check_policy(config: RuntimeConfig) -> Finding:
 
 def check_card(config: RuntimeConfig) -> Finding:
     """Compare the policy with the card beside it, and tell what the card says it can do."""
+    from twinscrew.runtime.policy.load import InHullUnits
     from twinscrew.runtime.policy.onnx import OnnxPolicy
 
     policy = _policy_of(config)
+    if isinstance(policy, InHullUnits):
+        policy = policy.policy
     if not isinstance(policy, OnnxPolicy):
         return ok("policy card", f"{policy.name} needs none: it is no trained file")
     path = shipped("policies", config.policy, ".onnx").with_suffix(".json")

@@ -142,6 +142,12 @@ class Autopilot(Protocol):
         It is used where `odometry_source = "autopilot"`.
         """
 
+    def take_ais(self) -> list[tuple[float, str]]:
+        """Give what it has forwarded of AIS since the last call: age [s], sentence of NMEA 0183.
+
+        Empty for one that has no receiver.
+        """
+
     def tell(self, messages: Iterable[Message]) -> None:
         """Show ground stations MAVLink messages; one that carries none leaves them out."""
 

@@ -144,6 +144,27 @@ LINK_DOWN = _error(
     "link_down", "The connection to the autopilot broke: it is opened again, neutral thrust."
 )
 LINK_RESTORED = _info("link_restored", "The connection to the autopilot is open again.")
+RECEIVER_DOWN = _warning(
+    "receiver_down", "A line that NMEA sentences come by broke: it is opened again."
+)
+AIS_STALE = _info("ais_stale", "A vessel has missed two of its AIS reports.")
+AIS_LOST = _info("ais_lost", "A vessel has been silent on AIS for too long: it is forgotten.")
+AIS_JUMP = _warning(
+    "ais_jump", "AIS reports a vessel where it cannot be: not used until more reports agree."
+)
+AIS_SPOOFED = _warning(
+    "ais_spoofed", "AIS reports contradict each other, or what the LiDAR sees: do not trust them."
+)
+AIS_DUPLICATE = _warning("ais_duplicate", "Two vessels report themselves under one MMSI.")
+AIS_OWN_ECHO = _info("ais_own_echo", "AIS reports of the own vessel are left out.")
+AIS_FLOOD = _warning("ais_flood", "More AIS sentences than the channel carries: some are left out.")
+AIS_MALFORMED = _warning("ais_malformed", "AIS sentences that cannot be read are left out.")
+COLLISION_COURSE = _warning(
+    "collision_course", "A vessel comes too near on present courses: closest approach, and when."
+)
+COLLISION_COURSE_OVER = _info(
+    "collision_course_over", "A vessel that was on a collision course will pass clear."
+)
 MESSAGES_MISSING = _warning(
     "messages_missing", "Messages were too large, or lost on their way: they are missing."
 )

@@ -410,6 +410,11 @@ class AutopilotLink:
         """Give every odometry made of the autopilot's messages since the last call."""
         return self._listener.odometry.take()
 
+    def take_ais(self) -> list[tuple[float, str]]:
+        """Give what the autopilot has forwarded of AIS: age [s] and sentence of each report."""
+        heard, self._listener.vessels = self._listener.vessels, []
+        return heard
+
     @property
     def parameters_checked(self) -> bool:
         """Whether every parameter that the link depends on was answered or given up."""

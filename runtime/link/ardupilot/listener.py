@@ -9,6 +9,7 @@ from collections.abc import Callable, Hashable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.link.ardupilot import commands
+from twinscrew.runtime.link.ardupilot.ais import ais_sentences
 from twinscrew.runtime.link.ardupilot.authority import (
     FAILSAFE_PARAMETERS,
     INITIALISING,
@@ -145,6 +146,8 @@ class Trials:
 
 # -- What the autopilot said: the part of the link that takes messages in.
 
+_REPORTS = 300
+"""[-] The most AIS sentences kept until somebody asks."""
 _TEXTS = 100
 """[-] The most texts kept until somebody asks: a chatty autopilot must not fill the memory."""
 _NO_VOLTAGE = 65535
@@ -196,6 +199,8 @@ class Listener:
         """[s] When the last one of each came."""
         self.battery: tuple[float | None, int | None] = (None, None)
         """[V, %] What SYS_STATUS said last; None where it does not know."""
+        self.vessels: list[tuple[float, str]] = []
+        """Age [s] and sentence of each AIS report that was forwarded and nobody has taken yet."""
         self._depth: tuple[float, float] = (math.nan, -math.inf)
         self._settings = settings
         self._handlers: dict[str, Callable[[Message, float], None]] = {
@@ -208,6 +213,7 @@ class Listener:
             "WATER_DEPTH": self._on_water_depth,
             "GPS_GLOBAL_ORIGIN": self.odometry.origin,
             "TIMESYNC": self._on_timesync,
+            "AIS_VESSEL": self._on_ais_vessel,
         }
         if settings.state_message == "odometry":
             self._handlers["ODOMETRY"] = self.odometry.whole
@@ -292,6 +298,9 @@ class Listener:
         left = message.battery_remaining  # [%]; -1: not known
         known = 0 < volts < _NO_VOLTAGE
         self.battery = (volts / 1000 if known else None, left if 0 <= left <= 100 else None)
+
+    def _on_ais_vessel(self, message: Message, _now_s: float) -> None:
+        self.vessels = [*self.vessels, *ais_sentences(message)][-_REPORTS:]
 
     def depth_m(self, now_s: float) -> float | None:
         """[m] Give the water's depth, if the echo sounder is well and said so lately."""
