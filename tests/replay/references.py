@@ -51,12 +51,14 @@ ANXIOUS = AssuranceSettings(enabled=True, wait_s=1.5, moving_horizon_s=4.0, marg
 """Intervenes where the policy has all in hand, so that the assurance is part of a reference."""
 CASES: Mapping[str, RuntimeConfig] = {
     "ac_iqn": RuntimeConfig(name=VESSEL, sensor="vrx16", policy="ac_iqn"),
+    "ac_iqn_wam_v": RuntimeConfig(name=VESSEL, sensor="vrx16", policy="ac_iqn_wam_v"),
     "apf": RuntimeConfig(name=VESSEL, sensor="vrx16", policy="apf"),
-    "assured": RuntimeConfig(name=VESSEL, sensor="vrx16", assurance=ANXIOUS),
+    "assured": RuntimeConfig(name=VESSEL, sensor="vrx16", policy="ac_iqn_wam_v", assurance=ANXIOUS),
     "senses": config_for(
         "wam_v",
         name=VESSEL,
         sensor="vrx16",
+        policy="ac_iqn_wam_v",
         senses={"ais": {"datum": DATUM, "own_mmsi": OWN_MMSI}, "radar": {}},
     ),
 }
