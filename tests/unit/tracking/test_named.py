@@ -134,7 +134,7 @@ def test_the_outline_of_a_ship_moves_to_what_the_lidar_sees_of_it():
     for k in range(40):
         here, ship = scene.odometry(k * scene.SCAN), np.array([16.0, -8.0 + 0.4 * k])
         if k == 0:  # the report is 4 m too far north
-            tracker.take(report(ship + (4.0, 0.0), (0.0, 4.0), here.stamp_ns))
+            tracker.take(report(ship + np.array([4.0, 0.0]), (0.0, 4.0), here.stamp_ns))
         side = ship - (3.0, 0.0)
         tracks = tracker.step(scene.objects(side[None], here), here)
         if k == 1:
