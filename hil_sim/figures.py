@@ -39,7 +39,13 @@ MARGIN_M = 3.0
 """[m] Around what is shown."""
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 """Okabe and Ito's: told apart by colour-blind people too."""
-OUTCOMES = {"goal": "arrived after", "collision": "collided after", "timeout": "out of time after"}
+OUTCOMES = {
+    "goal": "arrived after",
+    "collision": "collided after",
+    "timeout": "out of time after",
+    "done": "trial done after",
+    "ended": "trial ended early after",
+}
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from dataclasses import replace as changed
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import NonNegative, Positive, Settings, load, shipped
 from twinscrew.runtime.vessel.hull_settings import goal_radius
+from twinscrew.runtime.vessel.trial import room_m
 from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
 
 Point = tuple[Coordinate, Coordinate]
@@ -147,6 +149,35 @@ def load_scenario(
     except ConfigError as error:
         raise ConfigError(str(error), file=path) from error
     return scenario
+
+
+def on_trial(scenario: Scenario, trial: str, time_s: float) -> Scenario:
+    """Give open water for a scenario's vessels to sail a trial in, each far from the others.
+
+    Sea and vessels stay; buoys, quays and goals are gone. Every vessel heads north.
+
+    Parameters
+    ----------
+    trial
+        As "zigzag": how much water each one needs.
+    time_s
+        [s] How long the trial may last; the scenario's limit is a minute more, to brake.
+    """
+    room = max(room_m(trial, load_vessel(kind)) for kind in scenario.types)
+    starts = np.zeros((scenario.vessels, 3))
+    starts[:, 0] = room
+    starts[:, 1] = room + 3.0 * room * np.arange(scenario.vessels)
+    return changed(
+        scenario,
+        name=f"trial {trial}",
+        starts=starts,
+        goals=starts[:, :2].copy(),
+        buoys=np.empty((0, 3)),
+        quays=np.empty((0, 6)),
+        traffic=(),
+        map_size=(2.0 * room, float(starts[-1, 1]) + room),
+        time_limit_s=time_s + 60.0,
+    )
 
 
 def _make(

@@ -15,7 +15,8 @@ from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.ground.report import GroundSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig, config_for
 from twinscrew.runtime.vessel.hull_settings import expecting
-from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
+from twinscrew.runtime.vessel.trial import room_m
+from twinscrew.runtime.vessel_description import DEFAULT, VesselDescription, load_vessel
 
 DATUM = Datum(latitude_deg=Origin().latitude_deg, longitude_deg=Origin().longitude_deg)
 """Where the scenarios' origin lies: the vessels sail in one frame."""
@@ -35,7 +36,7 @@ def runtime_config(
 ) -> RuntimeConfig:
     """Give the configuration of a vessel's runtime, which records to a folder, if any."""
     policy = Path(settings.policy)
-    kind = load_vessel(scenario.types[vessel])
+    kind = load_vessel(settings.believed or scenario.types[vessel])
     sensors = {} if kind.key != DEFAULT else {"sensors": settings.navigation.place}
     return config_for(
         kind.key,
@@ -47,6 +48,7 @@ def runtime_config(
         mission={"goal_radius_m": scenario.goal_radius},
         perception=expecting(scenario.types),
         autopilot=_autopilot(settings, vessel),
+        trial=_trial(settings, kind),
         senses=_senses(settings, vessel),
         ground=ALL_TOLD if settings.ground else GroundSettings(),
         bus={"key_format": settings.key_format, "domain": settings.domain},
@@ -55,6 +57,14 @@ def runtime_config(
             "about": {"scenario": scenario.name, "seed": str(settings.seed)},
         },
     )
+
+
+def _trial(settings: SitlSettings, kind: VesselDescription) -> dict[str, Any]:
+    """Give a trial all the water that it needs: the simulated sea has no shore."""
+    if not settings.trial:
+        return {}
+    around_m = room_m(settings.trial, kind)
+    return {"name": settings.trial, "around_m": around_m, "max_time_s": settings.trial_time_s}
 
 
 def _senses(settings: SitlSettings, vessel: int) -> dict[str, Any]:

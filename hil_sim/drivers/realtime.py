@@ -41,6 +41,7 @@ from twinscrew.runtime.safety.events import (
 from twinscrew.runtime.senses.nmea import NmeaSettings
 from twinscrew.runtime.senses.table import sense_topics
 from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
+from twinscrew.runtime.vessel.trial import TRIAL_ENDS
 
 
 class Fleet(Protocol):
@@ -246,6 +247,7 @@ class RealtimeCrew:
         self._buses: list[ZenohBus] = []
         self._runtimes: list[RuntimeProcess] = []
         self._engaged = [False] * len(configs)
+        self._trials = [""] * len(configs)
         self._troubles = [Troubles() for _ in configs]
         self._ready_since: dict[int, float] = {}
         self._now_s = 0.0
@@ -305,6 +307,10 @@ class RealtimeCrew:
         """See `Crew`."""
         since_s = self._ready_since.get(vessel)
         return since_s is not None and self._now_s - since_s >= SETTLE_S
+
+    def trial_outcome(self, vessel: int) -> str:
+        """See `Crew`; a boat that was stopped early may still brake."""
+        return self._trials[vessel]
 
     def why_not_ready(self, vessel: int) -> str:
         """See `Crew`."""
@@ -404,6 +410,8 @@ class RealtimeCrew:
         """Take health events, in Zenoh's thread; those of the autopilot are for the user."""
         with contextlib.suppress(MessageError):
             for event in cdr.decode_diagnostics(message.payload):
+                if event.name in TRIAL_ENDS:
+                    self._trials[vessel] = event.name
                 is_new = self._troubles[vessel].note(event)
                 if self._tell is not None and is_new and event.name in OF_THE_AUTOPILOT:
                     self._tell(f"{self._configs[vessel].name}: {event.name}: {event.detail}")

@@ -12,7 +12,7 @@ import math
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -257,13 +257,20 @@ def cause(vessels: tuple[VesselRecord, ...]) -> Cause | None:
     return "vessel" if first.touched == "vessel" else "buoy"
 
 
+ENDED: Final[dict[Outcome | None, Literal["goal", "collision", "timeout"]]] = {
+    Outcome.GOAL: "goal",
+    Outcome.COLLISION: "collision",
+}
+"""How voyages to goals end, otherwise by time."""
+
+
 def _vessels(
     world: WitnessWorld, crew: LockstepCrew, voyage: VoyageResult
 ) -> tuple[VesselRecord, ...]:
     energy = voyage.log.energy_ns()
     return tuple(
         VesselRecord(
-            outcome=result.outcome.value if result.outcome else "timeout",
+            outcome=ENDED.get(result.outcome, "timeout"),
             touched=world.touched.get(i),
             travel_time_s=round(result.travel_time_s, 3),
             closest_approach_m=_finite(result.closest_approach_m),

@@ -120,6 +120,9 @@ class Autopilot(Protocol):
     def events(self, now_s: float) -> tuple[HealthEvent, ...]:
         """Give what an operator should know: what began, ended or was said since the last call."""
 
+    def take_outputs(self) -> tuple[int, int] | None:
+        """Give what drives the propellers [us], left and right, if it was told since last asked."""
+
     @property
     def topics(self) -> tuple[str, ...]:
         """Names of the topics (`TOPICS`) that it wants to hear, beside its bytes."""

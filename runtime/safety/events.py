@@ -91,6 +91,25 @@ GOAL_FRAME = _warning(
 )
 WAYPOINT_REACHED = _info("waypoint_reached", "A waypoint is reached; the next one is the goal.")
 GOAL_REACHED = _info("goal_reached", "The last goal is reached: neutral thrust.")
+TRIAL_BEGUN = _info("trial_begun", "A trial has begun, within the box of water that is named.")
+TRIAL_MANOEUVRE = _info("trial_manoeuvre", "The trial goes on to the manoeuvre that is named.")
+TRIAL_DONE = _info("trial_done", "The trial was sailed to its end: neutral thrust.")
+TRIAL_REFUSED = _warning(
+    "trial_refused", "The trial did not begin: the boat is outside its box, or a track is near."
+)
+TRIAL_OUT_OF_BOX = _warning(
+    "trial_out_of_box", "The boat left the trial's box: it brakes, then neutral thrust."
+)
+TRIAL_TOO_FAST = _warning(
+    "trial_too_fast", "The boat is faster than the trial allows: it brakes, then neutral thrust."
+)
+TRIAL_TRACK_NEAR = _warning(
+    "trial_track_near", "A track comes near the boat on trial: it brakes, then neutral thrust."
+)
+TRIAL_INTERRUPTED = _warning(
+    "trial_interrupted",
+    "Somebody else drives, an order came, or the surroundings are unknown: the trial has ended.",
+)
 OVERRUN = _warning(
     "overrun", "A decision took longer than the time between two scans, or a tick was missed."
 )

@@ -33,6 +33,7 @@ from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.envelope import slowed
 from twinscrew.runtime.safety.events import (
     AIS_SPOOFED,
+    ASSURANCE_INTERVENED,
     INPUT_LATE,
     PERCEPTION_ERROR,
     POLICY_ERROR,
@@ -46,6 +47,7 @@ from twinscrew.runtime.tracking.lidar import SensorView
 from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig, senses_of, sensor_of, tracking_of
 from twinscrew.runtime.vessel.mission import Mission
+from twinscrew.runtime.vessel.trial import Trial
 from twinscrew.runtime.vessel_description import load_vessel
 
 Fault: TypeAlias = HealthEvent
@@ -158,6 +160,9 @@ class Pipeline:
         self.mission = mission
         self.guard = guard
         self.assurance = assurance
+        self.trial = policy if isinstance(policy, Trial) else None
+        """Manoeuvres in the policy's place, if any; then goals do not count."""
+        self._orders_before_trial = mission.orders
         self._observation = observation or ObservationSettings()
         self._schedule = DecisionSchedule(policy.period_s)
         life = tracker.settings.life
@@ -198,8 +203,10 @@ class Pipeline:
         self._settling.step(cloud.stamp_ns, seen=blind is None)
         progress = self.mission.step(odometry)
         goal = self.mission.target
-        held_still = self.stopped or not engaged or self.is_settling
-        if goal is None or held_still or blind is not None:
+        idle = self.stopped or not engaged or blind is not None or self.is_settling
+        if self.trial is not None:
+            observation, failed, overridden = self._try(self.trial, odometry, tracks, idle=idle)
+        elif goal is None or idle:
             observation, failed, overridden = self._stop()
         else:
             observation, failed, overridden = self._drive(odometry, goal, tracks)
@@ -220,6 +227,13 @@ class Pipeline:
         )
         self._sequence += 1
         return decision, blind or failed or tripped
+
+    @property
+    def has_task(self) -> bool:
+        """Whether there is something to do: a goal that is not reached, or a trial."""
+        if self.trial is not None:
+            return not self.trial.over or self.trial.braking
+        return self.mission.target is not None
 
     @property
     def knows_surroundings(self) -> bool:
@@ -294,6 +308,31 @@ class Pipeline:
         )
         return Driven(observation, None, overridden)
 
+    def _try(self, trial: Trial, odometry: Odometry, tracks: Tracks, *, idle: bool) -> Driven:
+        """Sail a trial's manoeuvre; the assurance checks every thrust, as it does a policy's.
+
+        A speed limit of the operational envelope does not count: how much wind and current are for
+        this boat is judged by the vessel's file, which the trial is to find out. The trial has a
+        limit of its own.
+        """
+        stamp_ns, before = odometry.stamp_ns, self._thrust
+        ended: list[HealthEvent] = []
+        if idle:
+            ended = trial.interrupt(stamp_ns, "the thrust does not act, or nothing is seen")
+        elif self.mission.orders != self._orders_before_trial:
+            ended = trial.interrupt(stamp_ns, "an order came")
+        if idle or not self.has_task:
+            return self._stop()._replace(overridden=tuple(ended))
+        self._thrust, events = trial.step(odometry, tracks)
+        if self.assurance is None:
+            return Driven(overridden=tuple(events))
+        self._thrust, overridden = self.assurance.step(
+            odometry, tracks, before, self._thrust, decided=True
+        )
+        if any(event.name == ASSURANCE_INTERVENED.name for event in overridden):
+            ended = trial.interrupt(stamp_ns, "the assurance took over")
+        return Driven(overridden=(*events, *overridden, *ended))
+
     def _stop(self) -> Driven:
         self._rate = self._thrust = NEUTRAL
         self._schedule.restart()
@@ -321,10 +360,7 @@ def make_pipeline(
     return Pipeline(
         perception=perception or Perception(sensor, config.perception),
         tracker=tracker or Tracker(tracking_of(config), SensorView.of(sensor)),
-        policy=policy
-        or load_policy(
-            config.policy, expected_of_policies(config), config.risk, load_vessel(config.vessel)
-        ),
+        policy=policy or _policy_of(config),
         mission=Mission(config.mission),
         guard=Guard(config.thrust),
         observation=config.observation,
@@ -332,6 +368,14 @@ def make_pipeline(
         senses=make_senses(senses_of(config)),
         alarms=Alarms(config.alarms),
     )
+
+
+def _policy_of(config: RuntimeConfig) -> Policy:
+    """Give what drives: the configured trial, if there is one, else the policy."""
+    vessel = load_vessel(config.vessel)
+    if config.trial.name:
+        return Trial(config.trial, vessel, config.thrust)
+    return load_policy(config.policy, expected_of_policies(config), config.risk, vessel)
 
 
 class Senses:

@@ -250,6 +250,7 @@ def run_vessel(
     *,
     source: Path,
     stop: Callable[[], bool],
+    until: Callable[[Vessel], bool] = lambda _vessel: False,
     refused: tuple[str, ...] = (),
     approval: str = "",
     withheld: str = "",
@@ -263,6 +264,8 @@ def run_vessel(
         The configuration's file, to be named in errors.
     stop
         Ends the loop, and the wait for an autopilot that is not there yet.
+    until
+        Ends the loop, too, when the vessel has done what it was started for.
     refused
         What of the priority the system did not give (`process.take_priority`): it is reported.
     approval
@@ -314,7 +317,7 @@ def run_vessel(
         inbox.listen(bus, inputs_of(config))
         name = Name(bus, config.name, lambda words: loop.tell(NAME_TAKEN, words))
         ready()
-        loop.run(lambda: stop() or name.is_anothers())
+        loop.run(lambda: stop() or name.is_anothers() or until(vessel))
     if name.yields:
         raise BusError(f"another runtime is named {config.name!r} on this bus: give one another")
     summary = RunSummary(

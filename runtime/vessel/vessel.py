@@ -216,6 +216,11 @@ class Vessel:
         self._look(now_s)
         if data:
             self.link.receive(data, now_s)
+        outputs = self.link.take_outputs()
+        if outputs is not None:
+            for topic, pwm_us in zip(("pwm_left", "pwm_right"), outputs, strict=True):
+                payload = cdr.encode_thrust(float(pwm_us))
+                out.messages.append(Taken(topic, payload, made_here=True))
         if self._alignment is not None:
             for odometry in self.link.take_odometry():
                 stamp_ns = self._alignment.lidar_ns(odometry.stamp_ns)
@@ -525,7 +530,7 @@ class Vessel:
         if tripped is not None:
             self._fault = True  # neutral until the next decision
             self._tell(out, now_s, tripped)
-        nothing_to_do = self.health.state is State.READY and self.pipeline.mission.target is None
+        nothing_to_do = self.health.state is State.READY and not self.pipeline.has_task
         handed_over = self.envelope.response is Response.HAND_OVER
         wanted = None if nothing_to_do or handed_over else out.thrust
         asks = not self._inputs_too_old
@@ -543,8 +548,7 @@ class Vessel:
             may_drive=status.engaged,
             fault=self._fault or now_s < self._held_until_s or self.pipeline.stopped,
             knows_surroundings=self._has_looked and not self.pipeline.is_settling,
-            has_goal=self.pipeline.mission.target is not None
-            or self.envelope.response is Response.HOLD,
+            has_goal=self.pipeline.has_task or self.envelope.response is Response.HOLD,
             warned=self.health.warned(now_s) or self.envelope.response is not Response.NONE,
         )
 

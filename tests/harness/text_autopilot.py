@@ -124,6 +124,9 @@ class TextAutopilot:
         given, self._odometry = self._odometry, []
         return given
 
+    def take_outputs(self) -> tuple[int, int] | None:
+        return None
+
     def tell(self, messages: Iterable[object]) -> None:
         pass
 

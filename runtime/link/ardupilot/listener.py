@@ -20,7 +20,7 @@ from twinscrew.runtime.link.ardupilot.commands import Retried, Stream
 from twinscrew.runtime.link.ardupilot.odometry import OdometryFromAutopilot
 from twinscrew.runtime.link.ardupilot.parameters import SAFETY, ParameterCheck, expected_parameters
 from twinscrew.runtime.link.ardupilot.settings import AutopilotSettings
-from twinscrew.runtime.link.ardupilot.thrust import STOP_US
+from twinscrew.runtime.link.ardupilot.thrust import STOP_US, Outputs
 from twinscrew.runtime.mavlink import Message
 
 # -- Does the autopilot do what it is told? Only SERVO_OUTPUT_RAW knows.
@@ -186,6 +186,10 @@ class Listener:
         self.arming = Retried(commands.arm(target), every_s=1.0)
         self.texts: list[str] = []
         """What the autopilot told in words and nobody has asked for yet."""
+        self.outputs: Outputs | None = None
+        """What the autopilot makes of the two channels; None: it hands them through."""
+        self.new_outputs: Pair | None = None
+        """[us] Left and right of SERVO_OUTPUT_RAW, until somebody takes them."""
         self._chunked = 0
         self.replies: list[Message] = []
         """What is to be answered."""
@@ -285,7 +289,9 @@ class Listener:
             self.authority.reached(sent_s)
 
     def _on_servo_output(self, message: Message, now_s: float) -> None:
-        self.obedience.measured((message.servo1_raw, message.servo3_raw), STOP_US, now_s)
+        self.new_outputs = (message.servo1_raw, message.servo3_raw)
+        stop_us = STOP_US if self.outputs is None else self.outputs.pulses((STOP_US, STOP_US))[0]
+        self.obedience.measured(self.new_outputs, stop_us, now_s)
 
     def _on_system_status(self, message: Message, _now_s: float) -> None:
         volts = message.voltage_battery  # [mV]; 65535: not sent
@@ -330,6 +336,8 @@ class Listener:
     def _on_parameter(self, message: Message, _now_s: float) -> None:
         name, value = message.param_id, message.param_value
         self.replies += self.parameters.heard(name, value, self._settings.system_id)
+        if name.startswith(("SERVO", "MOT_")):
+            self.outputs = Outputs.bent(self.parameters.values)
         self.authority.failsafe_holds = self.parameters.has(*FAILSAFE_PARAMETERS)
 
 
