@@ -9,18 +9,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from dataclasses import replace as changed
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from twinscrew.hil_sim import random_scenario
-from twinscrew.hil_sim.random_scenario import Coordinate, RandomSettings
+from twinscrew.hil_sim.random_scenario import Coordinate, RandomSettings, from_quays
+from twinscrew.hil_sim.traffic import TrafficEntry
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import NonNegative, Positive, Settings, load, shipped
 from twinscrew.runtime.vessel.hull_settings import goal_radius
+from twinscrew.runtime.vessel.trial import room_m
 from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
 
 Point = tuple[Coordinate, Coordinate]
@@ -53,6 +56,8 @@ class Scenario:
     """[s] A vessel under way longer than this has failed."""
     goal_radius: float
     """[m] A vessel whose origin is this near its goal has arrived."""
+    traffic: tuple[TrafficEntry, ...] = ()
+    """(T,) Scripted ships, which give way to nobody."""
 
     @property
     def vessels(self) -> int:
@@ -107,6 +112,7 @@ class ScenarioFile(Settings, frozen=True, kw_only=True):
     vessel: tuple[VesselEntry, ...] = ()
     buoy: tuple[BuoyEntry, ...] = ()
     quay: tuple[QuayEntry, ...] = ()
+    traffic: tuple[TrafficEntry, ...] = ()
 
 
 def load_scenario(
@@ -145,6 +151,35 @@ def load_scenario(
     return scenario
 
 
+def on_trial(scenario: Scenario, trial: str, time_s: float) -> Scenario:
+    """Give open water for a scenario's vessels to sail a trial in, each far from the others.
+
+    Sea and vessels stay; buoys, quays and goals are gone. Every vessel heads north.
+
+    Parameters
+    ----------
+    trial
+        As "zigzag": how much water each one needs.
+    time_s
+        [s] How long the trial may last; the scenario's limit is a minute more, to brake.
+    """
+    room = max(room_m(trial, load_vessel(kind)) for kind in scenario.types)
+    starts = np.zeros((scenario.vessels, 3))
+    starts[:, 0] = room
+    starts[:, 1] = room + 3.0 * room * np.arange(scenario.vessels)
+    return changed(
+        scenario,
+        name=f"trial {trial}",
+        starts=starts,
+        goals=starts[:, :2].copy(),
+        buoys=np.empty((0, 3)),
+        quays=np.empty((0, 6)),
+        traffic=(),
+        map_size=(2.0 * room, float(starts[-1, 1]) + room),
+        time_limit_s=time_s + 60.0,
+    )
+
+
 def _make(
     name: str,
     file: ScenarioFile,
@@ -173,14 +208,11 @@ def _require_sea(sea: str) -> None:
 def _require_water(scenario: Scenario) -> None:
     """Refuse vessels that begin, or are to go, where a quay stands."""
     places = {"start": scenario.starts[:, :2], "goal": scenario.goals}
-    for i, (north, east, length, width, _, heading) in enumerate(scenario.quays):
-        for what, places_N in places.items():
-            ahead, abeam = ((places_N - (north, east)) @ rotation_2d(heading)).T
-            within = (abs(ahead) <= length / 2) & (abs(abeam) <= width / 2)
-            for vessel in np.flatnonzero(within):
-                raise ConfigError(
-                    f"the {what} of {scenario.names[vessel]} lies within quay {i + 1}", key="quay"
-                )
+    for what, places_N in places.items():
+        for vessel, quay in np.argwhere(from_quays(places_N, scenario.quays) == 0.0):
+            raise ConfigError(
+                f"the {what} of {scenario.names[vessel]} lies within quay {quay + 1}", key="quay"
+            )
 
 
 def _require_count(what: str, asked: int | None, there: int) -> None:
@@ -204,8 +236,10 @@ def _random(
     for what, count, least in (("vessels", vessels, 1), ("buoys", buoys, 0), ("seed", seed, 0)):
         if count < least:
             raise ConfigError(f"must be at least {least}, got {count}", key=what)
+    half_m = max(load_vessel(kind).length_m for kind in types) / 2
+    settings = replace(settings, quay_gap_m=max(settings.quay_gap_m, half_m))
     starts, goals, buoy_rows = random_scenario.draw(
-        settings, vessels, buoys, np.random.default_rng(seed)
+        settings, vessels, buoys, np.random.default_rng(seed), _quays(file)
     )
     limits = np.full(vessels, math.inf)
     arrays = {"starts": starts, "goals": goals, "buoys": buoy_rows}
@@ -229,19 +263,23 @@ def _scenario(
 ) -> Scenario:
     each = tuple(types[i % len(types)] for i in range(len(limits)))
     longest = max(load_vessel(kind).length_m for kind in each)
-    quays = [(*q.centre_m, *q.size_m, math.radians(q.heading_deg)) for q in file.quay]
     return Scenario(
         name=name,
         names=tuple(f"wamv{i + 1}" for i in range(len(limits))),
         types=each,
         thrust_limits=limits,
-        quays=_rows(quays, 6),
+        quays=_quays(file),
+        traffic=file.traffic,
         map_size=file.map_size_m,
         sea=file.sea,
         time_limit_s=file.time_limit_s,
         goal_radius=file.goal_radius_m or goal_radius(longest),
         **arrays,
     )
+
+
+def _quays(file: ScenarioFile) -> Float64:
+    return _rows([(*q.centre_m, *q.size_m, math.radians(q.heading_deg)) for q in file.quay], 6)
 
 
 def _rows(rows: Sequence[tuple[float, ...]], width: int) -> Float64:

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
 from twinscrew.runtime.errors import BusError, MessageError, one_of
+from twinscrew.runtime.messages import marine
 from twinscrew.runtime.messages.decision import DECISION_TYPE, EXPLANATION_TYPE
 from twinscrew.runtime.messages.navigation import (
     CLOCK_TYPE,
@@ -121,7 +122,7 @@ def type_store() -> Typestore:
 
     store = get_typestore(Stores.ROS2_JAZZY)
     types = {}
-    for name, text in OWN.items():
+    for name, text in (marine.DEFINITIONS | OWN).items():
         types.update(get_types_from_msg(text, name))
     store.register(types)
     return store
@@ -202,8 +203,14 @@ class Topic:
     durable: bool = False
     """True if ROS 2 expects it to reach late listeners (transient local): it is given again and
     again, and announced as such."""
+    taken: str = ""
+    """When a runtime listens to it: "always", or with this `odometry_source`; empty: never, or only
+    where a kind of autopilot or a sensor asks for it. What is taken in is recorded, and so is what
+    is published."""
+    stale: str = ""
+    """The event that is told when it is older than `max_age_s`; empty: nobody watches it."""
     core: bool = False
-    """True if the core takes it in: a recording of these topics is enough for a replay."""
+    """True if decisions depend on it: a recording of these topics is enough for a replay."""
 
 
 TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
@@ -216,6 +223,8 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=POINT_CLOUD_TYPE,
                 direction=Direction.IN,
                 traffic=Traffic.SENSOR,
+                taken="always",
+                stale="lidar_stale",
                 rate_hz=10.0,
                 max_age_s=0.4,
                 core=True,
@@ -226,6 +235,8 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=ODOMETRY_TYPE,
                 direction=Direction.IN,
                 traffic=Traffic.SENSOR,
+                taken="bus",
+                stale="odometry_stale",
                 rate_hz=20.0,
                 max_age_s=0.3,
                 depth=64,
@@ -238,6 +249,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=FIX_TYPE,
                 direction=Direction.IN,
                 traffic=Traffic.SENSOR,
+                taken="gps_imu",
                 rate_hz=20.0,
                 depth=32,
                 largest_b=SMALL_B,
@@ -248,6 +260,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=IMU_TYPE,
                 direction=Direction.IN,
                 traffic=Traffic.SENSOR,
+                taken="gps_imu",
                 rate_hz=100.0,
                 depth=128,
                 largest_b=SMALL_B,
@@ -258,6 +271,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=GOAL_TYPE,
                 direction=Direction.IN,
                 traffic=Traffic.COMMAND,
+                taken="always",
                 largest_b=SMALL_B,
                 core=True,
             ),
@@ -267,6 +281,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=PATH_TYPE,
                 direction=Direction.IN,
                 traffic=Traffic.COMMAND,
+                taken="always",
                 largest_b=ROUTE_B,
                 core=True,
             ),
@@ -300,6 +315,26 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 core=True,
             ),
             Topic(
+                name="nmea",
+                key="sensors/nmea/sentence",
+                ros_type=marine.SENTENCE_TYPE,
+                direction=Direction.IN,
+                traffic=Traffic.COMMAND,
+                depth=512,
+                largest_b=1024,
+                core=True,
+            ),
+            Topic(
+                name="radar",
+                key="sensors/radar/scan",
+                ros_type=marine.RADAR_TYPE,
+                direction=Direction.IN,
+                traffic=Traffic.SENSOR,
+                depth=4,
+                largest_b=500_000,
+                core=True,
+            ),
+            Topic(
                 name="clock",
                 key="/clock",
                 ros_type=CLOCK_TYPE,
@@ -326,6 +361,24 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 traffic=Traffic.COMMAND,
                 rate_hz=20.0,
                 max_age_s=0.5,
+                largest_b=SMALL_B,
+            ),
+            Topic(
+                name="pwm_left",
+                key="thrusters/left/pwm",
+                ros_type=THRUST_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=10.0,
+                largest_b=SMALL_B,
+            ),
+            Topic(
+                name="pwm_right",
+                key="thrusters/right/pwm",
+                ros_type=THRUST_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=10.0,
                 largest_b=SMALL_B,
             ),
             Topic(
@@ -360,6 +413,22 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 direction=Direction.OUT,
                 traffic=Traffic.STATUS,
                 rate_hz=10.0,
+            ),
+            Topic(
+                name="detections",
+                key="tracking/detections",
+                ros_type=marine.DETECTIONS_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=10.0,
+            ),
+            Topic(
+                name="ais_targets",
+                key="ais/targets",
+                ros_type=marine.DETECTIONS_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=1.0,
             ),
             Topic(
                 name="situation",

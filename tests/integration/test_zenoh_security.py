@@ -19,7 +19,10 @@ from twinscrew.runtime.settings import CONFIG_DIR
 ZENOH = CONFIG_DIR / "zenoh"
 INSTALLED = "/etc/twinscrew/zenoh"
 
-pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(shutil.which("openssl") is None, reason="needs openssl"),
+]
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,8 @@ from twinscrew.runtime.messages import cdr
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 MANY_THREADS = {"OMP_NUM_THREADS": "4", "OPENBLAS_NUM_THREADS": "4", "MKL_NUM_THREADS": "4"}
 
+AT_NIGHT = [pytest.param(case, marks=pytest.mark.nightly) for case in ("apf", "assured")]
+
 
 @pytest.fixture(scope="module")
 def expected() -> dict[str, str]:
@@ -83,12 +85,17 @@ def test_on_one_core_and_on_two(case: str, cores: int, expected: dict[str, str])
     assert elsewhere(case, MANY_THREADS, cores=cores) == expected[case]
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "case",
+    ["ac_iqn", *(pytest.param(one, marks=pytest.mark.nightly) for one in ("apf", "assured"))],
+)
 def test_while_the_machine_is_busy(case: str, expected: dict[str, str]) -> None:
     with busy_machine(processes=3):
         assert elsewhere(case) == expected[case]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_with_other_numbers_of_threads_in_the_numerical_libraries(
     case: str, expected: dict[str, str]
@@ -110,6 +117,14 @@ def test_the_recording_is_worth_replaying() -> None:
         counts[message.topic] = counts.get(message.topic, 0) + 1
     assert counts["points"] >= 30
     assert counts["odometry"] >= 60
+    others: dict[str, int] = {}
+    for message in inputs(case="senses").inputs():
+        others[message.topic] = others.get(message.topic, 0) + 1
+    assert others["nmea"] >= 3
+    assert others["radar"] >= 3
+    with_ship = [cdr.decode_decision(payload) for payload in decide("senses")]
+    (alarm,) = {e.detail[:9] for d in with_ship for e in d.events if e.name == "collision_course"}
+    assert alarm == "257000001"
     decisions = [cdr.decode_decision(payload) for payload in decide("assured")]
     assert any((abs(decision.tracks.v_N) > 1.0).any() for decision in decisions)
     assert any(event.name == "assurance_intervened" for d in decisions for event in d.events)
