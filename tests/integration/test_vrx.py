@@ -268,7 +268,7 @@ def test_a_session_like_a_ros_2_nodes_joins_simulated_boats(tmp_path: Path) -> N
         assert abs(stamps_ns[-1] - time.time_ns()) < 60e9  # the time at which it was made
         tokens = node.liveliness().get("@ros2_lv/3/**")
         graph = {
-            str(reply.ok.key_expr).split("/")[9]
+            str(reply.ok.key_expr).split("/")[8]
             for reply in tokens
             if "/MP/" in str(reply.ok.key_expr)
         }
