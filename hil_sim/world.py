@@ -7,6 +7,7 @@ Its time is an integer count of steps, so that it never drifts.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
@@ -22,6 +23,7 @@ from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
 from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, FleetDynamics
 from twinscrew.hil_sim.vessel.rest import fleet_at_rest
+from twinscrew.hil_sim.vessel.state import VesselState
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Odometry, PointCloud
 from twinscrew.runtime.perception.sensor import Sensor, load_sensor
 from twinscrew.runtime.settings import Positive, Settings, load, shipped
@@ -96,6 +98,7 @@ class World:
         self.present: NDArray[np.bool_] = np.ones(scenario.vessels, dtype=np.bool_)
         self.moored: NDArray[np.bool_] = np.zeros(scenario.vessels, dtype=np.bool_)
         self._moorings_N = scenario.starts.copy()
+        self._push_N = np.zeros((scenario.vessels, 2))
         self._closest = np.full(scenario.vessels, np.inf)
         self._bodies: tuple[int, Bodies] | None = None
         self._watchers: list[Callable[[], None]] = []
@@ -217,11 +220,24 @@ class World:
             w = self.settings.mooring_radps
             R_NB = scene.rotations(state.q_NB)
             state = moor(state, R_NB, self.moored, self._moorings_N, w, self.step_s)
+        if self._push_N.any():
+            state = self._pushed(state, free)
         self.state = state
         self.steps += 1
         self._measure_gaps()
         for look in self._watchers:
             look()
+
+    def push(self, vessel: int, force_N: tuple[float, float]) -> None:
+        """Let a force act on a vessel from now on, north and east [N], beyond the sea's own."""
+        self._push_N[vessel] = force_N
+
+    def _pushed(self, state: VesselState, free: NDArray[np.bool_]) -> VesselState:
+        mass = np.array([vessel.mass_kg for vessel in self.vessels])
+        gained = np.zeros((len(mass), 3))
+        gained[:, :2] = self._push_N * (free * self.step_s / mass)[:, None]
+        R_NB = scene.rotations(state.q_NB)
+        return replace(state, velocity_B=state.velocity_B + np.einsum("vij,vi->vj", R_NB, gained))
 
     def _measure_gaps(self) -> None:
         centres = self._hulls.centres(self.state.position_N[:, :2], self._heading())

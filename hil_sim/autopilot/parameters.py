@@ -27,6 +27,7 @@ _FACTORY: Mapping[str, float] = {
     "ARMING_CHECK": 1.0,
     "FS_GCS_ENABLE": 0.0,
     "SIM_RC_FAIL": 1.0,  # ArduPilot's simulator only: 0 gives it a receiver, 1 none
+    "SIM_DEPTH": 0.0,  # ours: metres of water under an echo sounder; 0: there is none
     "SERVO2_FUNCTION": 0.0,
     "SERVO4_FUNCTION": 0.0,
     **dict.fromkeys(CALIBRATED, 0.0),

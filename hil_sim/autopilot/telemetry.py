@@ -192,6 +192,15 @@ def autopilot_version(_: Moment) -> Message:
     )
 
 
+def water_depth(moment: Moment) -> Message | None:
+    """Tell the depth of the water, if there is an echo sounder: SIM_DEPTH, ours, greater than 0."""
+    depth_m = moment.rover.parameters["SIM_DEPTH"]
+    if depth_m <= 0.0:
+        return None
+    place = (0, 0, 0.0, 0.0, 0.0, 0.0)
+    return mavlink.MAVLink_water_depth_message(moment.boot_ms, 0, 1, *place, depth_m, 15.0)
+
+
 TELLERS: dict[int, Callable[[Moment], Message | None]] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: heartbeat,
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: sys_status,
@@ -204,6 +213,7 @@ TELLERS: dict[int, Callable[[Moment], Message | None]] = {
     mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: servo_output_raw,
     mavlink.MAVLINK_MSG_ID_RC_CHANNELS: rc_channels,
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: autopilot_version,
+    mavlink.MAVLINK_MSG_ID_WATER_DEPTH: water_depth,
 }
 """Every message that can be asked for, by its id."""
 
@@ -215,6 +225,7 @@ STREAMED = (
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
     mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW,
     mavlink.MAVLINK_MSG_ID_RC_CHANNELS,
+    mavlink.MAVLINK_MSG_ID_WATER_DEPTH,
 )
 """Messages that ArduRover sends unasked, in streams: SRn_EXT_STAT, EXTRA3, EXTRA1, POSITION,
 RC_CHAN. Read in its sources, Rover/GCS_Mavlink.cpp."""

@@ -23,6 +23,7 @@ import tomli_w
 from twinscrew.hil_sim.children import end_all
 from twinscrew.hil_sim.last_words import ended
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.vessel import consent
 from twinscrew.runtime.vessel.config import RuntimeConfig
 
 FIFO = 5
@@ -111,6 +112,8 @@ class RuntimeProcess:
             (folder / CONFIG_FILE).write_bytes(text.encode())
         except UnicodeEncodeError as error:
             raise ConfigError("must have a name in UTF-8", file=folder) from error
+        if config.autopilot.arm:  # who starts a simulation says so; who starts it again does not
+            consent.give(consent.place_of(folder / CONFIG_FILE, config.autopilot.consent_file))
         self.process = self._started()
         self.down = False
         """Whether it was killed, and not started again."""

@@ -91,6 +91,13 @@ def action_of(fault: Fault, rig: Rig, crew: RealtimeCrew, rng: Generator) -> Act
             return _parameter(rig, given)
         case "streams", _:
             return Action(lambda: rig.autopilot.request_streams(given.rate_hz), _nothing)
+        case "push", _:
+            return Action(lambda: rig.push((given.north_n, given.east_n)), lambda: rig.push((0, 0)))
+        case "silence", _:
+            return Action(
+                lambda: rig.autopilot.let_station_speak(False),
+                lambda: rig.autopilot.let_station_speak(True),
+            )
         case "goal", _:
             return Action(lambda: crew.deliver(vessel, "goal", rig.goal, 0.0), _nothing)
         case "disable", _:

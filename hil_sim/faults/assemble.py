@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -37,6 +38,7 @@ def faulty_crew(
             vessel,
             config.autopilot.system_id,
             lambda: world.time_s,
+            partial(world.push, vessel),
             by_topic=config.autopilot.kind == "thrust",
         )
         for vessel, config in enumerate(configs)

@@ -66,6 +66,14 @@ class Noise(Settings, frozen=True):
     """[m] Added to every echo's distance, or to the position."""
     phantoms: Annotated[int, Meta(ge=0)] = 0
     """[-] Echoes of nothing within 30 m, a scan (spray, rain)."""
+    visibility_m: NonNegative = 0.0
+    """[m] How far beams come on the average before a drop ends them (fog); 0: for ever."""
+    ghosts: Annotated[int, Meta(ge=0)] = 0
+    """[-] Vessels that are not there, and go round the boat."""
+    heave_m: NonNegative = 0.0
+    """[m] Amplitude of a swell that odometry tells of, on top of the sea's."""
+    roll_deg: NonNegative = 0.0
+    """[deg] Amplitude of a roll that it tells of."""
 
 
 class ClockJump(Settings, frozen=True):
@@ -121,6 +129,15 @@ class Parameter(Settings, frozen=True):
     value: float
 
 
+class Push(Settings, frozen=True):
+    """Wind or current presses on the vessel, beyond the sea's own."""
+
+    north_n: float = 0.0
+    """[N] To the north."""
+    east_n: float = 0.0
+    """[N] To the east."""
+
+
 class Streams(Settings, frozen=True):
     """Somebody asks the autopilot for all of its streams at one rate (REQUEST_DATA_STREAM)."""
 
@@ -156,9 +173,11 @@ KINDS: Final[Mapping[str, Kind]] = {
     "streams": Kind(("autopilot",), Streams),
     "goal": Kind(("runtime",), Nothing),
     "disable": Kind(("enable",), Nothing),
+    "push": Kind(("vessel",), Push),
+    "silence": Kind(("station",), Nothing),
 }
-"""Every kind. `kill` and `hang` end with a restart; `goal` is an operator who sends it again,
-`disable` one who takes the enable back."""
+"""Every kind. `kill` and `hang` end with a restart; `goal` is an operator who sends it again;
+`disable` one who takes the enable back; `silence` is a ground station that is heard no more."""
 
 AT_ONCE: Final = ("pilot", "streams", "goal", "disable")
 """Kinds that happen and are over."""

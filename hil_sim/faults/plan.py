@@ -54,6 +54,8 @@ class Promise(Settings, frozen=True):
     """Which fault's end lets them turn again: the first's that is over, or the last's."""
     event: str | None = None
     """The health event that names it."""
+    event_says: str = ""
+    """Words that must be in the event's detail; empty: whatever it says."""
     event_s: Positive = 1.0
     """[s] Until that event."""
     event_from: Literal["fault", "thrust"] = "fault"

@@ -65,6 +65,8 @@ class RemoteAutopilot:
         self._answer = Answered(b"", (0.0, 0.0), Bridge("", armed=False))
         self._answered_s = 0.0
         self._now_s = 0.0
+        self._station = Wire(STATION_ID, mavlink.MAV_COMP_ID_MISSIONPLANNER)
+        self._station_speaks, self._station_s = True, 0.0
         self.start()
 
     @property
@@ -114,6 +116,7 @@ class RemoteAutopilot:
     def step(self, now_s: float, vehicle: Odometry | None = None) -> bytes:
         """See `RoverAutopilot`; the answer is the last step's."""
         self._now_s = now_s
+        station = self._heartbeat_of_the_station(now_s)
         seen = b"" if vehicle is None else cdr.encode_odometry(vehicle)
         asked = Asked(
             now_s, b"".join(self._heard), seen, tuple(self._acts), tuple(self._parameters)
@@ -128,7 +131,18 @@ class RemoteAutopilot:
                 self._answer = msgspec.msgpack.decode(data, type=Answered)
                 self._answered_s = now_s
                 said += self._answer.mavlink
-        return said
+        return said + station
+
+    def let_station_speak(self, speaks: bool) -> None:
+        """Let the ground station be heard by way of the autopilot, or not any more."""
+        self._station_speaks = speaks
+
+    def _heartbeat_of_the_station(self, now_s: float) -> bytes:
+        if not self._station_speaks or now_s - self._station_s < 1.0:
+            return b""
+        self._station_s = now_s
+        beat = (mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 4, 3)
+        return self._station.encode(mavlink.MAVLink_heartbeat_message(*beat))
 
     def thrust_command_N(self) -> Float64:
         """See `RoverAutopilot`; without a pulse the propellers stop."""

@@ -76,13 +76,21 @@ class Rig:
     """One vessel's lines, what turns its propellers, and the connection of its runtime."""
 
     def __init__(
-        self, vessel: int, system_id: int, clock: Callable[[], float], *, by_topic: bool = False
+        self,
+        vessel: int,
+        system_id: int,
+        clock: Callable[[], float],
+        push: Callable[[tuple[float, float]], None] = lambda _force_N: None,
+        *,
+        by_topic: bool = False,
     ) -> None:
-        """Start its autopilot, on a port of its own; `clock` is that of the lines' delays.
+        """Start its autopilot, on a port of its own.
 
-        `by_topic`: it has none, but thrusters that take newtons by topic.
+        `clock` is that of the lines' delays; `push` lets a force act on the vessel, north and east.
+        `by_topic`: it has no autopilot, but thrusters that take newtons by topic.
         """
         self.vessel = vessel
+        self.push = push
         self.system_id = system_id
         self.lines = {name: Line() for name in (*TOPICS, "to_autopilot", "from_autopilot")}
         """By topic, and by direction of MAVLink."""

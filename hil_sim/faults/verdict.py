@@ -113,7 +113,7 @@ def _neutral(promise: Promise, witness: Witness, begin_s: float, end_s: float) -
 def _event(promise: Promise, witness: Witness, begin_s: float, end_s: float) -> list[Measured]:
     if promise.event is None:
         return []
-    heard_s = witness.heard(promise.event, begin_s)
+    heard_s = witness.heard(promise.event, begin_s, promise.event_says)
     if promise.event_from == "fault":
         return [_within(promise.event, heard_s, begin_s, promise.event_s)]
     until_s = end_s if heard_s is None else min(heard_s, end_s)

@@ -111,9 +111,12 @@ class Witness:
             for span in spans(partial(self._asks, side, way), lines, begin_s, end_s)
         ]
 
-    def heard(self, name: str, since_s: float) -> float | None:
-        """Give when [s] an event of this name came first since a time; None: never."""
-        return next((t for t, e in self.events if e.name == name and t >= since_s), None)
+    def heard(self, name: str, since_s: float, says: str = "") -> float | None:
+        """Give when [s] an event of this name, with these words, came first since; None: never."""
+        return next(
+            (t for t, e in self.events if e.name == name and t >= since_s and says in e.detail),
+            None,
+        )
 
     def states(self, begin_s: float, end_s: float) -> set[str]:
         """Give the states that the boat said it was in between two times, as "safe"."""

@@ -37,7 +37,7 @@ from twinscrew.runtime.messages.types import (
 from twinscrew.runtime.messages.wire import Reader
 from twinscrew.runtime.perception.sensor import Sensor
 from twinscrew.runtime.policy.colregs import situation
-from twinscrew.runtime.safety.events import AUTOPILOT_NOW, STATE, STATE_NOW
+from twinscrew.runtime.safety.events import AUTOPILOT_NOW, ENVELOPE_NOW, STATE, STATE_NOW
 from twinscrew.runtime.safety.explain import (
     OWN_RADIUS_M,
     assurance_manoeuvre,
@@ -187,6 +187,7 @@ class Vessel:
         self._goal: Float64 | None = None
         self._engaged: bool | None = None
         self._autopilot = ""
+        self._envelope = ""
         self._state = "unknown"
         self._event_count = 0
         self._sent_s: dict[int, float] = {}
@@ -327,6 +328,9 @@ class Vessel:
             if event.name == AUTOPILOT_NOW.name:
                 self._autopilot = event.detail
                 continue
+            if event.name == ENVELOPE_NOW.name:
+                self._envelope = event.detail
+                continue
             if event.name == STATE.name:
                 self._state = event.detail.rpartition(" ")[2]
             severity = event.severity.value
@@ -401,6 +405,7 @@ class Vessel:
             name=self.name,
             state=self._state,
             autopilot=self._autopilot,
+            envelope=self._envelope,
             engaged=self._engaged,
             events=events[-NEW_EVENTS:],
             event_count=self._event_count - len(self.events) + len(events),

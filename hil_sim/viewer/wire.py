@@ -84,6 +84,8 @@ class VesselView(msgspec.Struct, frozen=True, kw_only=True):
     state: str = "unknown"
     autopilot: str = ""
     """Mode, arming, battery, as far as the boat said."""
+    envelope: str = ""
+    """Its fallback response, and the quantities of its operational envelope, as far as it said."""
     engaged: bool | None = None
     """Whether the thrust acts; None if the boat has not said."""
     why: str = ""

@@ -49,6 +49,7 @@ SUMMARIES = {
     "track": "Track recorded detections of several sensors, and score the tracks.",
     "bench": "Measure speed, latency and perception, and print the figures.",
     "manifest": "Write, sign and check the list of files that a boat's runtime may read.",
+    "consent": "Let the next start of a boat's runtime arm it, once.",
     "signing": "Make the key that signs MAVLink frames, and put it into an autopilot.",
     "doctor": "Check this machine and this installation, line by line.",
 }

@@ -1,12 +1,14 @@
 """Writes settings as a TOML file that explains itself: each key with its default and docstring.
 
-config/runtime.toml is made by ``python -m twinscrew.runtime.cli.reference``; a test compares.
+config/runtime.toml is made by ``python -m twinscrew.runtime.cli.reference``, config/envelope.toml
+by the same with ``envelope`` behind it; a test compares.
 """
 
 from __future__ import annotations
 
 import ast
 import inspect
+import sys
 import textwrap
 from collections.abc import Collection, Iterator
 from enum import Enum
@@ -15,6 +17,7 @@ from typing import Any
 
 import msgspec
 
+from twinscrew.runtime.safety.envelope import EnvelopeSettings
 from twinscrew.runtime.settings import Settings
 from twinscrew.runtime.vessel.config import RuntimeConfig
 from twinscrew.runtime.vessel.hull_settings import hull_settings
@@ -55,7 +58,8 @@ def as_toml(
     for name, group in groups:
         yield ""
         yield f"[{'.'.join((*path, name))}]"
-        yield from _comment(inspect.cleandoc(type(group).__doc__ or "").splitlines()[0])
+        own = meanings.get(name, "")
+        yield from _comment(own or inspect.cleandoc(type(group).__doc__ or "").splitlines()[0])
         yield from as_toml(group, (*path, name), follows)
 
 
@@ -107,6 +111,19 @@ def reference() -> str:
     return HEAD + "\n" + "\n".join(as_toml(RuntimeConfig(), follows=follows)) + "\n"
 
 
+ENVELOPE_HEAD = """\
+# The operational envelope: what the boat was proved for, and what it does beyond it (docs/odd.md).
+# These are the defaults: the worst of 12 voyages in the rough sea (config/sea/rough.toml) and a
+# margin. Copy it, write in it what your boat was proved for, and name the copy in the boat's file:
+# envelope = "envelope.toml". Made from the source; do not edit by hand.
+"""
+
+
+def envelope_reference() -> str:
+    """Give the whole of config/envelope.toml."""
+    return ENVELOPE_HEAD + "\n" + "\n".join(as_toml(EnvelopeSettings())) + "\n"
+
+
 def _paths(tree: dict[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
     """Give the dotted keys of a tree of tables."""
     for key, value in tree.items():
@@ -117,4 +134,4 @@ def _paths(tree: dict[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[s
 
 
 if __name__ == "__main__":
-    print(reference(), end="")
+    print(envelope_reference() if sys.argv[1:] == ["envelope"] else reference(), end="")

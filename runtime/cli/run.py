@@ -13,7 +13,9 @@ from msgspec.structs import replace
 from twinscrew.runtime.vessel import one_thread  # noqa: F401  (before anything loads a library)
 
 # isort: split
+
 from twinscrew.runtime.vessel.approval import load_approved
+from twinscrew.runtime.vessel.consent import place_of, take
 from twinscrew.runtime.vessel.process import StopRequest, at_end_of_input, take_priority
 
 
@@ -28,14 +30,19 @@ def run(
     arm: Annotated[
         bool,
         typer.Option(
-            "--arm", help="Consent to this run's driving, as autopilot.arm: it may turn propellers."
+            "--arm",
+            help="autopilot.arm and `twinscrew consent` in one, for this start. No service's.",
         ),
     ] = False,
     tethered: Annotated[
         bool, typer.Option("--tethered", help="Stop, too, when standard input ends.")
     ] = False,
 ) -> None:
-    """Run one vessel's runtime until it is told to stop (SIGINT or SIGTERM)."""
+    """Run one vessel's runtime until it is told to stop (SIGINT or SIGTERM).
+
+    With `autopilot.arm = true` it arms, or drives thrusters by topic, only after `twinscrew
+    consent`, once; or with --arm.
+    """
     approved = load_approved(config, manifest, public_key)
     stop = StopRequest()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -48,6 +55,12 @@ def run(
     refused = take_priority(settings.priority)
     for words in refused:
         _say(settings.name, f"ordinary priority: {words}")
+    withheld = None
+    if settings.autopilot.arm and not arm:
+        withheld = take(place_of(config, settings.autopilot.consent_file))
+    if withheld is not None:
+        settings = replace(settings, autopilot=replace(settings.autopilot, arm=False))
+        _say(settings.name, f"asks for no arming: {withheld}")
     from twinscrew.runtime.vessel.realtime import run_vessel  # Zenoh, after the priority
 
     summary = run_vessel(
@@ -56,6 +69,7 @@ def run(
         stop=stop,
         refused=refused,
         approval=str(approved.approval or ""),
+        withheld=withheld or "",
         ready=lambda: _say(settings.name, "running"),
     )
     _say(settings.name, f"{summary.decisions} decisions, stopped")

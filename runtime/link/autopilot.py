@@ -42,6 +42,14 @@ class AutopilotStatus(Protocol):
         """[s] Since it was last heard; infinite if it never was."""
 
     @property
+    def station_age_s(self) -> float:
+        """[s] Since a ground station was heard by way of it; infinite if none ever was."""
+
+    @property
+    def depth_m(self) -> float | None:
+        """[m] Of the water under its echo sounder; None if it does not say."""
+
+    @property
     def words(self) -> str:
         """A few words for an operator, as "MANUAL, armed, 12.6 V 87 %"."""
 

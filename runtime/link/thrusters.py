@@ -3,7 +3,8 @@
 There is no autopilot that could be asked to arm, that a pilot could take the helm from, or that
 stops the propellers when nobody commands them. In its place:
 
-- consent at the start: `autopilot.arm`, or `twinscrew run --arm`; without it nothing drives;
+- consent at the start: `autopilot.arm` and `twinscrew consent`, or `run --arm`; without it nothing
+  drives;
 - an `enable` (std_msgs/Bool) that is true and goes on coming: who stops sending it, by Ctrl-C or by
   a lost network, stops the boat; one that is false stops it at once, and counts until the sender of
   true has paused and begins anew;

@@ -21,6 +21,7 @@ from twinscrew.runtime.geometry import (
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
     Engagement,
+    Fallback,
     Fix,
     Float64,
     Goal,
@@ -528,3 +529,33 @@ def decode_enable(payload: bytes | memoryview) -> bool:
     enable = reader.flag()
     reader.end()
     return enable
+
+
+FALLBACK_TYPE: Final = "twinscrew_msgs/msg/Fallback"
+RESPONSES: Final = ("none", "slow", "hold", "stop", "hand_over")
+
+
+def encode_fallback(fallback: Fallback) -> bytes:
+    """Write a twinscrew_msgs/Fallback."""
+    writer = Writer()
+    write_stamp(writer, fallback.stamp_ns)
+    writer.values("B", 1, RESPONSES.index(fallback.response))
+    writer.string(fallback.reason)
+    return writer.payload()
+
+
+def decode_fallback(payload: bytes | memoryview) -> Fallback:
+    """Read a twinscrew_msgs/Fallback.
+
+    Raises
+    ------
+    MessageError
+        Not such a message, or a response that there is not.
+    """
+    reader = Reader(payload, FALLBACK_TYPE)
+    stamp_ns, response = read_stamp(reader), reader.uint8()
+    if response >= len(RESPONSES):
+        raise reader.fail(f"{response} is not a response")
+    reason = reader.string()
+    reader.end()
+    return Fallback(stamp_ns=stamp_ns, response=RESPONSES[response], reason=reason)

@@ -16,6 +16,7 @@ from twinscrew.runtime.messages.navigation import (
     CLOCK_TYPE,
     ENABLE_TYPE,
     ENGAGEMENT_TYPE,
+    FALLBACK_TYPE,
     FIX_TYPE,
     GOAL_TYPE,
     IMU_TYPE,
@@ -41,6 +42,17 @@ OWN: Final = {
 # Whether thrust commands may act.
 builtin_interfaces/Time stamp
 bool engaged
+""",
+    "twinscrew_msgs/msg/Fallback": """
+# What the boat does because it is outside its operational envelope.
+uint8 NONE=0
+uint8 SLOW=1
+uint8 HOLD=2
+uint8 STOP=3
+uint8 HAND_OVER=4
+builtin_interfaces/Time stamp
+uint8 response
+string reason
 """,
     "twinscrew_msgs/msg/HealthEvent": """
 uint8 INFO=0
@@ -271,6 +283,16 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 name="engagement",
                 key="engagement",
                 ros_type=ENGAGEMENT_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                depth=8,
+                largest_b=SMALL_B,
+                core=True,
+            ),
+            Topic(
+                name="fallback",
+                key="fallback",
+                ros_type=FALLBACK_TYPE,
                 direction=Direction.OUT,
                 traffic=Traffic.STATUS,
                 depth=8,

@@ -126,6 +126,18 @@ class Engagement:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Fallback:
+    """What the boat does because it is outside its operational envelope, or that it is inside."""
+
+    stamp_ns: int
+    """[ns] When it changed."""
+    response: str
+    """"none", "slow", "hold", "stop" or "hand_over"."""
+    reason: str = ""
+    """Plain words: which quantities, which limits."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Strips:
     """What single rows of beams see of the objects without a break, from end to end.
 

@@ -128,6 +128,8 @@ class Perception:
         self.settings = settings = settings or PerceptionSettings()
         self.report = Counts()
         """What became of the points of the last scan."""
+        self.range_m = min(sensor.range_max_m, settings.max_range_m)
+        """[m] Echoes from farther away are not used."""
         self._kernel = make_kernel(sensor, settings)
         water = settings.water
         self._outline: dict[str, Any] = {

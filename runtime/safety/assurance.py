@@ -8,6 +8,7 @@ own way, and the manoeuvre still begins in time. Derivation and figures: docs/as
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
@@ -164,6 +165,12 @@ class Assurance:
         self._begun_ns = 0
         self._last_ns: int | None = None
         self._disturbance.pause()
+
+    @property
+    def disturbance_n(self) -> float:
+        """[N] Force of wind and current together, as learnt; NaN while nothing is learnt."""
+        learns = self.settings.enabled and self.settings.disturbance_limit_n > 0.0
+        return self._disturbance.size_n if learns and self._last_ns is not None else math.nan
 
     def step(
         self,

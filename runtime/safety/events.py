@@ -112,6 +112,12 @@ ENABLE_REFUSED = _warning(
 KEEPER = _warning(
     "keeper", "The process that stops the thrusters after the runtime had died: started again."
 )
+ENVELOPE_NOW = _info(
+    "envelope_now", "The response, and each quantity of the envelope that is known; every second."
+)
+ENVELOPE_LEFT = _warning("envelope_left", "A quantity is beyond what the boat was proved for.")
+ENVELOPE_RETURNED = _info("envelope_returned", "A quantity is well inside the envelope again.")
+FALLBACK = _warning("fallback", "The fallback response of the boat changed; with the reasons.")
 LINK_DOWN = _error(
     "link_down", "The connection to the autopilot broke: it is opened again, neutral thrust."
 )
@@ -130,6 +136,9 @@ MODE_TAKEN = _warning("mode_taken", "A pilot chose another mode: he has the boat
 FAILSAFE_HOLD = _error("failsafe_hold", "The autopilot's radio failsafe holds the boat.")
 OVERRIDE_IGNORED = _error("override_ignored", "The outputs do not follow the commands.")
 ARMING_REFUSED = _warning("arming_refused", "The autopilot refuses to arm.")
+ARMING_WITHHELD = _warning(
+    "arming_withheld", "No operator has given consent: the autopilot is not asked to arm."
+)
 MODE_REFUSED = _warning("mode_refused", "The autopilot refuses MANUAL.")
 WRONG_VEHICLE = _error("wrong_vehicle", "What answers is no ArduPilot boat: neutral thrust.")
 PARAMETERS_WRONG = _warning("parameters_wrong", "Autopilot parameters are not what they must be.")
@@ -154,6 +163,7 @@ OF_THE_AUTOPILOT: Final = frozenset(
         FAILSAFE_HOLD,
         OVERRIDE_IGNORED,
         ARMING_REFUSED,
+        ARMING_WITHHELD,
         MODE_REFUSED,
         WRONG_VEHICLE,
         PARAMETERS_WRONG,

@@ -289,6 +289,11 @@ class DisturbanceObserver:
         self._force_N: Push = STILL
         self._before: tuple[int, Motion, float] | None = None
 
+    @property
+    def size_n(self) -> float:
+        """[N] How strong the disturbance is, wherever it pushes."""
+        return math.hypot(*self._force_N)
+
     def pause(self) -> None:
         """Learn nothing from the time until the next step: what acts in it is not known."""
         self._before = None

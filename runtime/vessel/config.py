@@ -11,13 +11,13 @@ from typing import Annotated, Any, Final, Literal
 import msgspec
 from msgspec import Meta
 from msgspec.structs import replace
-from twinscrew.runtime.link.autopilot import topics_of
 
 from twinscrew.runtime.bus.zenoh import ZenohSettings
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.ground.report import GroundSettings
 from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
+from twinscrew.runtime.link.autopilot import topics_of
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.perception.segmentation import PerceptionSettings
 from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
@@ -25,8 +25,9 @@ from twinscrew.runtime.policy.observation import ObservationSettings
 from twinscrew.runtime.policy.risk import RiskSettings
 from twinscrew.runtime.recording.settings import RecordingSettings
 from twinscrew.runtime.safety.assurance import AssuranceSettings
+from twinscrew.runtime.safety.envelope import EnvelopeSettings
 from twinscrew.runtime.safety.guard import ThrustLimits
-from twinscrew.runtime.settings import Settings, convert, read_toml
+from twinscrew.runtime.settings import CONFIG_DIR, Settings, convert, read_toml
 from twinscrew.runtime.tracking.tracker import TrackerSettings
 from twinscrew.runtime.vessel.frames import FrameSettings
 from twinscrew.runtime.vessel.hull_settings import hull_settings
@@ -77,6 +78,7 @@ class RuntimeConfig(Settings, frozen=True):
     tracking: TrackerSettings = TrackerSettings()
     observation: ObservationSettings = ObservationSettings()
     assurance: AssuranceSettings = AssuranceSettings()
+    envelope: EnvelopeSettings = EnvelopeSettings()
     odometry: OdometryBufferSettings = OdometryBufferSettings()
     alignment: AlignmentSettings = AlignmentSettings()
     frames: FrameSettings = FrameSettings()
@@ -174,7 +176,20 @@ def _following(values: dict[str, Any], file: Path | None) -> RuntimeConfig:
         vessel = load_vessel(str(values.get("vessel", DEFAULT)))
     except ConfigError as error:
         raise ConfigError(str(error), file=file, key="vessel") from error
+    values = {**values, **_envelope_of(values, file)}
     return convert(_merged(hull_settings(vessel), values), RuntimeConfig, file=file)
+
+
+def _envelope_of(values: dict[str, Any], file: Path | None) -> dict[str, Any]:
+    """Read the operational envelope where a file of it is named; paths count from `file`."""
+    named = values.get("envelope")
+    if not isinstance(named, str):
+        return {}
+    here = Path() if file is None else file.parent
+    path = CONFIG_DIR / "envelope.toml" if named == "envelope" else here / named
+    content = read_toml(path)
+    convert(content, EnvelopeSettings, file=path)  # errors name the file in which they are
+    return {"envelope": content}
 
 
 def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:

@@ -44,15 +44,21 @@ class Mission:
         self.arrived = False
         """Whether the last goal is reached."""
         self._was_missing = False
+        self._held: Goal | None = None
+        self._off_place = False
 
     @property
     def goal(self) -> Goal | None:
         """The goal to head for, reached or not; None if there is none."""
+        if self._held is not None:
+            return self._held
         return self._goals[self._index] if self._goals else None
 
     @property
     def target(self) -> Goal | None:
         """The goal that is not reached yet; None if there is none."""
+        if self._held is not None:
+            return self._held if self._off_place else None
         return None if self.arrived else self.goal
 
     @property
@@ -81,8 +87,22 @@ class Mission:
         where = f"the last at north {north:.1f} m, east {east:.1f} m"
         return GOAL_SET.at(stamp_ns, f"{len(self._goals)} in a row, {where}")
 
+    def hold(self, odometry: Odometry) -> None:
+        """Keep the place where the vessel is, whatever the goals; they are kept for `resume`."""
+        self._held = Goal(stamp_ns=odometry.stamp_ns, position_N=odometry.position_N[:2].copy())
+        self._off_place = False
+
+    def resume(self) -> None:
+        """Head for the goals again."""
+        self._held = None
+
     def step(self, odometry: Odometry) -> HealthEvent | None:
         """Look where the vessel is; give an event when it reaches a goal, or has none any more."""
+        if self._held is not None:
+            off_m = float(np.hypot(*(self._held.position_N - odometry.position_N[:2])))
+            drifted = off_m > 2.0 * self._settings.goal_radius_m
+            self._off_place = drifted or (self._off_place and off_m > self._settings.goal_radius_m)
+            return None
         goal, was_missing = self.goal, self._was_missing
         self._was_missing = goal is None
         if goal is None:

@@ -31,7 +31,7 @@ from twinscrew.runtime.policy.colregs import CROSSING_ZONE, HEAD_ON_ZONE
 from twinscrew.runtime.policy.colregs import DEFAULT as COLREGS
 from twinscrew.runtime.recording.recorder import Recorder
 from twinscrew.runtime.recording.recording import DecisionHash
-from twinscrew.runtime.safety.events import AUTOPILOT_NOW, STATE_NOW
+from twinscrew.runtime.safety.events import AUTOPILOT_NOW, ENVELOPE_NOW, STATE_NOW
 from twinscrew.runtime.safety.guard import NEUTRAL
 from twinscrew.runtime.vessel.frames import Frames
 
@@ -146,16 +146,17 @@ class Publisher:
             payload = cdr.encode_diagnostics(events, stamp_ns=stamp_ns, hardware_id=self._vessel)
             self._put("diagnostics", payload)
 
-    def state(self, state: str, stamp_ns: int, autopilot: str = "") -> None:
+    def state(self, state: str, stamp_ns: int, autopilot: str = "", envelope: str = "") -> None:
         """Publish the state once a second: who begins to listen has not received its change.
 
-        With it goes what is known of the autopilot, in words.
+        With it goes what is known of the autopilot, and of the operational envelope, in words.
         """
         now_ns, last_ns = self._clock_ns(), self._state_ns
         if last_ns is None or not 0 <= now_ns - last_ns < STATE_EVERY_NS:
             self._state_ns = now_ns
-            known = (AUTOPILOT_NOW.at(stamp_ns, autopilot),) if autopilot else ()
-            self.report((STATE_NOW.at(stamp_ns, state), *known))
+            known = ((AUTOPILOT_NOW, autopilot), (ENVELOPE_NOW, envelope))
+            more = (kind.at(stamp_ns, words) for kind, words in known if words)
+            self.report((STATE_NOW.at(stamp_ns, state), *more))
 
     def thrust(self, thrust: Float64) -> None:
         """Publish what the propellers are asked for: a VRX takes it from here."""

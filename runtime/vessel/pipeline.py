@@ -28,6 +28,7 @@ from twinscrew.runtime.policy.load import Policy, load_policy
 from twinscrew.runtime.policy.metadata import PolicyExpectation
 from twinscrew.runtime.policy.observation import ObservationSettings, nothing_seen, observe
 from twinscrew.runtime.safety.assurance import Assurance
+from twinscrew.runtime.safety.envelope import slowed
 from twinscrew.runtime.safety.events import PERCEPTION_ERROR, POLICY_ERROR, TRACKS_FORGOTTEN
 from twinscrew.runtime.safety.guard import NEUTRAL, Guard
 from twinscrew.runtime.tracking.lidar import SensorView
@@ -41,6 +42,17 @@ Fault: TypeAlias = HealthEvent
 SETTLE_S: Final = 1.0
 """[s] Scans must have come for this long before what is around is known: twice what five scans of a
 10 Hz LiDAR take, within which every track that is seen is confirmed."""
+
+
+class SpeedLimit(NamedTuple):
+    """How fast the policy may drive the boat."""
+
+    most_mps: float
+    """[m/s] Ahead."""
+    gain_nspm: float
+    """[N s/m] Thrust for each metre a second that is missing, each propeller."""
+    top_mps: float
+    """[m/s] The boat's top speed in still water."""
 
 
 class Driven(NamedTuple):
@@ -123,6 +135,10 @@ class Pipeline:
         self._schedule = DecisionSchedule(policy.period_s)
         life = tracker.settings.life
         self._settling = Settling(life.birth_scans, life.coast_s)
+        self.speed_limit: SpeedLimit | None = None
+        """How fast the policy may drive; the assurance may do more, to get out of the way."""
+        self.stopped = False
+        """Whether the thrust is zero because the boat has left its operational envelope."""
         self._sequence = 0
         self._rate: Float64 = NEUTRAL
         self._thrust: Float64 = NEUTRAL
@@ -154,7 +170,8 @@ class Pipeline:
         self._settling.step(cloud.stamp_ns, seen=blind is None)
         progress = self.mission.step(odometry)
         goal = self.mission.target
-        if goal is None or not engaged or blind is not None or self.is_settling:
+        held_still = self.stopped or not engaged or self.is_settling
+        if goal is None or held_still or blind is not None:
             observation, failed, overridden = self._stop()
         else:
             observation, failed, overridden = self._drive(odometry, goal, tracks)
@@ -231,6 +248,14 @@ class Pipeline:
                 self._stop()
                 return Driven(observation, POLICY_ERROR.at(odometry.stamp_ns, str(error)))
             self._thrust = self.guard.limits.clip(before + self._rate * self.policy.period_s)
+        if self.speed_limit is not None:
+            limited = slowed(
+                self._thrust,
+                float(odometry.velocity_B[0]),
+                self.speed_limit.most_mps,
+                self.speed_limit.gain_nspm,
+            )
+            self._thrust = self.guard.limits.clip(limited)
         if self.assurance is None:
             return Driven(observation)
         self._thrust, overridden = self.assurance.step(

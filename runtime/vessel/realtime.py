@@ -25,6 +25,7 @@ from twinscrew.runtime.link.transport import Transport
 from twinscrew.runtime.messages.types import HealthEvent
 from twinscrew.runtime.recording.recorder import Recorder
 from twinscrew.runtime.safety.events import (
+    ARMING_WITHHELD,
     FILES_APPROVED,
     INTERNAL_ERROR,
     KEEPER,
@@ -129,7 +130,8 @@ class Loop:
         self._report(RECORDER, self._publisher.recorder_trouble())
         self._report(MESSAGES_MISSING, self._publisher.bus_trouble())
         state, autopilot = self._vessel.state.value, self._vessel.link.status.words
-        self._publisher.state(state, self._vessel.stamp_ns, autopilot)
+        envelope = self._vessel.envelope.state
+        self._publisher.state(state, self._vessel.stamp_ns, autopilot, envelope)
         self._manager.alive(now_s, state)
         if self._keeper is not None:
             self._report(KEEPER, self._keeper.alive(now_s))
@@ -173,6 +175,7 @@ class Loop:
             behind = int((now_s - self._next_tick_s) / self._period_s) + 1
             self._next_tick_s += behind * self._period_s
             self.missed_ticks += behind
+            self._vessel.late(late_ms, now_s)
             self._report(OVERRUN, f"a tick {late_ms:.0f} ms late, {behind} missed")
 
     def _note_latency(self, message: Received) -> float:
@@ -182,6 +185,7 @@ class Loop:
             self.wire_latencies.add((time.time_ns() - message.sent_ns) / NANOSECONDS_PER_MS)
         if latency_ms > OVERRUN_MS:
             self.overruns += 1
+            self._vessel.late(latency_ms, self._clock())
             self._report(OVERRUN, f"a decision after {latency_ms:.0f} ms")
         return latency_ms
 
@@ -222,6 +226,7 @@ def run_vessel(
     stop: Callable[[], bool],
     refused: tuple[str, ...] = (),
     approval: str = "",
+    withheld: str = "",
     ready: Callable[[], None] = lambda: None,
 ) -> RunSummary:
     """Open everything, loop until `stop` says so, close everything, and write the summary.
@@ -236,6 +241,8 @@ def run_vessel(
         What of the priority the system did not give (`process.take_priority`): it is reported.
     approval
         Who approved the files that were read, if anybody: it is reported.
+    withheld
+        Why the configured arming is not asked for, if it is not: it is reported.
     ready
         Called once everything is open.
 
@@ -267,6 +274,10 @@ def run_vessel(
             publisher.report((PRIORITY_REFUSED.at(vessel.stamp_ns, "; ".join(refused)),))
         if approval:
             publisher.report((FILES_APPROVED.at(vessel.stamp_ns, approval),))
+        if withheld:
+            event = ARMING_WITHHELD.at(vessel.stamp_ns, withheld)
+            publisher.report((event,))
+            vessel.note((event,), time.monotonic())
         stack.enter_context(Garbage())  # the first collection takes 20 ms: before a scan comes
         inbox.listen(bus, inputs_of(config))
         ready()

@@ -8,6 +8,7 @@ time, and `replay` feeds it what a recording took in: to the same decisions.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
@@ -28,10 +29,21 @@ from twinscrew.runtime.messages.types import (
     Decision,
     Engagement,
     Explanation,
+    Fallback,
     Float64,
     Goal,
     HealthEvent,
     Odometry,
+)
+from twinscrew.runtime.perception.segmentation import Perception
+from twinscrew.runtime.safety.assurance import Assurance
+from twinscrew.runtime.safety.envelope import (
+    MOVING_MPS,
+    Envelope,
+    EnvelopeSettings,
+    Response,
+    SeaState,
+    Visibility,
 )
 from twinscrew.runtime.safety.events import (
     BAD_MESSAGE,
@@ -47,10 +59,12 @@ from twinscrew.runtime.vessel.frames import FrameError, Frames
 from twinscrew.runtime.vessel.health import Facts, Health, State
 from twinscrew.runtime.vessel.inputs import Alignment, Inputs, OdometryBufferSettings, Verdict
 from twinscrew.runtime.vessel.outputs import Outputs, Taken
-from twinscrew.runtime.vessel.pipeline import Pipeline, make_pipeline
+from twinscrew.runtime.vessel.pipeline import Pipeline, SpeedLimit, make_pipeline
 
 WATCHED = {"points": LIDAR_STALE, "odometry": ODOMETRY_STALE}
 """The inputs that must keep coming, and what it is called when they do not."""
+LATENESS_KEPT_S = 2.0
+"""[s] The latest decision or tick of this time counts."""
 FAULT_HOLD_S = 1.0
 """[s] After a fault of the runtime itself the thrust is neutral for this long."""
 
@@ -89,6 +103,10 @@ class Vessel:
     looks_first
         Whether nothing may be driven before the surroundings have been seen for long enough, at the
         very start too. A simulation in lock-step begins with vessels that may.
+    envelope
+        What the boat was proved for; None: nothing is watched.
+    slow
+        How fast "slow" is.
     """
 
     def __init__(
@@ -103,6 +121,8 @@ class Vessel:
         limits: ThrustLimits | None = None,
         frames: Frames | None = None,
         looks_first: bool = True,
+        envelope: Envelope | None = None,
+        slow: SpeedLimit | None = None,
     ) -> None:
         self.pipeline = pipeline
         self.link = link
@@ -129,10 +149,16 @@ class Vessel:
             "goal": self._goal,
             "route": self._route,
             "engagement": self._engagement,
+            "fallback": self._fallback,
             "gps": self._fix,
             "imu": self._imu,
             **dict.fromkeys(link.topics, self._for_autopilot),
         }
+        self.envelope = envelope or Envelope(EnvelopeSettings(enabled=False))
+        self._slow = slow or slow_of(RuntimeConfig())
+        self._sea = SeaState()
+        self._visibility: Visibility | None = None
+        self._lateness: deque[tuple[float, float]] = deque()
         self._fault = False
         self._has_looked = not looks_first
         self._inputs_too_old = False
@@ -159,6 +185,8 @@ class Vessel:
     def thrust(self) -> Float64:
         """[N] (2,) What the propellers should give now, left and right."""
         if not self.engaged or self._fault or self._inputs_too_old or self.decision is None:
+            return NEUTRAL
+        if self.pipeline.stopped:
             return NEUTRAL
         return NEUTRAL if self._now_s < self._held_until_s else self.decision.thrust
 
@@ -200,6 +228,7 @@ class Vessel:
         out.events += (*self._watchdog.check(now_s, stamp_ns), *link_events)
         self.note(tuple(out.events), now_s)
         status = self.link.status
+        self._watch_envelope(status, out, now_s)
         change = self.health.step(self._facts(status, now_s), stamp_ns)
         if change is not None:
             self._tell(out, now_s, change)
@@ -210,6 +239,10 @@ class Vessel:
         )
         self._command(out, now_s)
         return out
+
+    def late(self, late_ms: float, now_s: float) -> None:
+        """Take note of how late a decision or a tick was, by whoever drives this in real time."""
+        self._lateness.append((now_s, late_ms))
 
     def note(self, events: tuple[HealthEvent, ...], now_s: float) -> None:
         """Let state and ground stations know of events; those of a driver come here too."""
@@ -238,7 +271,11 @@ class Vessel:
         goal_N = None if goal is None else goal.position_N
         acts = self.engaged and not self._inputs_too_old and self._now_s >= self._held_until_s
         try:
-            return explain(decision, odometry, goal_N, engaged=acts, assurance=self._manoeuvre)
+            said = explain(decision, odometry, goal_N, engaged=acts, assurance=self._manoeuvre)
+            if self.envelope.response is not Response.NONE:
+                words = self.envelope.words
+                return replace(said, sentence=f"{words[:1].upper()}{words[1:]}. {said.sentence}")
+            return said
         except Exception:  # see above
             return None
 
@@ -374,7 +411,64 @@ class Vessel:
         # Of a recording: aboard, `tick` decides.
         self.engaged = cdr.decode_engagement(taken.payload).engaged
 
+    def _fallback(self, taken: Taken, _out: Outputs, _now_s: float) -> None:
+        """Do a response: aboard `_watch_envelope` says which, in a replay the recording."""
+        response = Response(cdr.decode_fallback(taken.payload).response)
+        slow = response in (Response.SLOW, Response.HOLD)
+        self.pipeline.speed_limit = self._slow if slow else None
+        self.pipeline.stopped = response in (Response.STOP, Response.HAND_OVER)
+        if response is Response.HOLD and self.inputs.newest is not None:
+            self.pipeline.mission.hold(self.inputs.newest)
+        else:
+            self.pipeline.mission.resume()
+
     # -- One tick.
+
+    def _watch_envelope(self, status: AutopilotStatus, out: Outputs, now_s: float) -> None:
+        """Estimate the quantities of the envelope, say when it is left, and do the response."""
+        before, stamp_ns = self.envelope.response, self.stamp_ns
+        estimates = self._estimates(status, now_s)
+        order = self.pipeline.mission.orders
+        self._tell(out, now_s, *self.envelope.step(estimates, now_s, stamp_ns, order=order))
+        if self.envelope.response is before:
+            return
+        response, words = self.envelope.response.value, self.envelope.words
+        message = Fallback(stamp_ns=stamp_ns, response=response, reason=words)
+        self._take(
+            Taken("fallback", cdr.encode_fallback(message), message, made_here=True), out, now_s
+        )
+
+    def _estimates(self, status: AutopilotStatus, now_s: float) -> dict[str, float]:
+        """Give what is known of the envelope's quantities (docs/odd.md)."""
+        while self._lateness and self._lateness[0][0] < now_s - LATENESS_KEPT_S:
+            self._lateness.popleft()
+        known = {"lateness_ms": max((late for _, late in self._lateness), default=0.0)}
+        if status.depth_m is not None:
+            known["depth_m"] = status.depth_m
+        if math.isfinite(status.station_age_s):
+            known["station_s"] = status.station_age_s
+        odometry, decision = self.inputs.newest, self.decision
+        if odometry is not None and not self._inputs_too_old:
+            known["wave_height_m"], known["motion_deg"] = self._sea.step(odometry)
+            speed_mps = math.hypot(*odometry.velocity_B[:2].tolist())
+            known["speed_share"] = speed_mps / self._slow.top_mps
+        if decision is not None and not self._inputs_too_old:
+            moving = np.hypot(*decision.tracks.v_N.T) > MOVING_MPS
+            known["traffic"] = float(moving.sum())
+            known |= self._seen(now_s)
+        return known
+
+    def _seen(self, now_s: float) -> dict[str, float]:
+        """Give what perception and the assurance know; those in their place may know nothing."""
+        perception, assurance = self.pipeline.perception, self.pipeline.assurance
+        known = {}
+        if isinstance(perception, Perception):
+            if self._visibility is None:
+                self._visibility = Visibility(perception.sensor.elevations, perception.range_m)
+            known["visibility_m"] = self._visibility.step(perception.range_image, now_s)
+        if isinstance(assurance, Assurance) and self.engaged:
+            known["drift_share"] = assurance.disturbance_n / (2.0 * assurance.limits.max_n)
+        return known
 
     def _look(self, now_s: float) -> None:
         """Look at the inputs' ages: the first thing that is done, however long nothing was."""
@@ -402,7 +496,8 @@ class Vessel:
             self._fault = True  # neutral until the next decision
             self._tell(out, now_s, tripped)
         nothing_to_do = self.health.state is State.READY and self.pipeline.mission.target is None
-        wanted = None if nothing_to_do else out.thrust
+        handed_over = self.envelope.response is Response.HAND_OVER
+        wanted = None if nothing_to_do or handed_over else out.thrust
         asks = not self._inputs_too_old
         out.autopilot = self.link.command(wanted, now_s) + self.link.tick(now_s, may_ask=asks)
 
@@ -416,10 +511,11 @@ class Vessel:
             inputs_heard=self._watchdog.all_heard and status.message_age_s < math.inf,
             inputs_fresh=not self._watchdog.stale and status.connected,
             may_drive=status.engaged,
-            fault=self._fault or now_s < self._held_until_s,
+            fault=self._fault or now_s < self._held_until_s or self.pipeline.stopped,
             knows_surroundings=self._has_looked and not self.pipeline.is_settling,
-            has_goal=self.pipeline.mission.target is not None,
-            warned=self.health.warned(now_s),
+            has_goal=self.pipeline.mission.target is not None
+            or self.envelope.response is Response.HOLD,
+            warned=self.health.warned(now_s) or self.envelope.response is not Response.NONE,
         )
 
 
@@ -455,7 +551,16 @@ def make_vessel(
         estimator=Estimator(config.estimation) if source == "gps_imu" else None,
         frames=Frames(config.frames, config.name, sensor_of(config)),
         looks_first=looks_first,
+        envelope=Envelope(config.envelope),
+        slow=slow_of(config),
     )
+
+
+def slow_of(config: RuntimeConfig) -> SpeedLimit:
+    """Give what "slow" is for a vessel: a share of its top speed in still water."""
+    thrust_n = config.thrust.max_n
+    top_mps = config.assurance.vessel.top_speed_mps(thrust_n)
+    return SpeedLimit(config.envelope.slow_share * top_mps, thrust_n / top_mps, top_mps)
 
 
 def vessel_for_replay(config: RuntimeConfig, *, has_odometry: bool = True) -> Vessel:

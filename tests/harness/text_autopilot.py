@@ -73,6 +73,14 @@ class TextAutopilot:
         return math.inf if self._heard_s == -math.inf else self._now_s - self._heard_s
 
     @property
+    def station_age_s(self) -> float:
+        return math.inf  # it carries nobody's words but its own
+
+    @property
+    def depth_m(self) -> None:
+        return None
+
+    @property
     def words(self) -> str:
         return self._mode if self.connected else "silent"
 

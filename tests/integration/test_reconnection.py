@@ -21,6 +21,7 @@ from twinscrew.hil_sim.drivers.processes import free_port
 from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.mavlink import Wire
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.vessel import consent
 
 pytestmark = pytest.mark.slow
 
@@ -94,6 +95,7 @@ def sensors(boat: AutopilotOnALine, tmp_path: Path) -> Iterator[Sensors]:
         f'[mission]\nwaypoints_m = [[500.0, 0.0]]\n[bus]\nconnect = ["{endpoint}"]\n'
         f'[autopilot]\nconnection = "{boat.line.connection}"\narm = true\nreceiver_fitted = false\n'
     )
+    consent.give(consent.place_of(config, ""))
     sensors, log = Sensors(endpoint), tmp_path / "log.txt"
     sensors.put_in()
     runtime = start("run", "--config", config, log=log)

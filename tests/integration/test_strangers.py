@@ -10,6 +10,7 @@ from tests.harness.waiting import wait_until
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.drivers.processes import free_port
+from twinscrew.runtime.vessel import consent
 
 HOST = "127.0.0.1"
 STRANGER = (b"12345", b"\xfd" * 5)
@@ -29,6 +30,7 @@ def test_a_stranger_who_spoke_first_does_not_shut_the_autopilot_out(
         f'[autopilot]\nconnection = "udpin:{HOST}:{port}"\narm = true\nreceiver_fitted = false\n'
         f'signing_key_file = "{key_file}"\n[bus]\nconnect = []\n'
     )
+    consent.give(consent.place_of(config, ""))
     rover = RoverAutopilot(
         RoverAutopilotSettings(signing_key_file=key_file), 1, boot_s=time.monotonic()
     )

@@ -69,8 +69,10 @@ export class Panel {
     card.querySelector(".why").title = why;
     this.#figures(card, vessel);
     this.#propellers(card, vessel.thrust);
+    const outside = vessel.envelope.startsWith("none:") ? "" : vessel.envelope && `outside its envelope: ${vessel.envelope}`;
     const drives = vessel.engaged === null ? "" : vessel.engaged ? "policy drives" : "policy does not drive";
-    write(card, ".autopilot", vessel.ended ? "" : [vessel.autopilot, drives].filter(Boolean).join(", "));
+    write(card, ".autopilot", vessel.ended ? "" : [vessel.autopilot, drives, outside].filter(Boolean).join(", "));
+    card.querySelector(".autopilot").title = vessel.envelope;
     const ms = vessel.latency_ms;
     card.querySelector(".latency").hidden = ms === null;
     write(card, ".ms", ms === null ? NOTHING : `${ms.toFixed(1)} ms`);

@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from twinscrew.runtime.ground.orders import OrderSettings
 from twinscrew.runtime.ground.stations import Stations
 from twinscrew.runtime.link.ardupilot import commands
@@ -94,6 +96,10 @@ class AutopilotStatus:
     parameters, and not disobeying."""
     battery_v: float | None = None
     """[V] As the autopilot measures it; None if it has not said."""
+    station_age_s: float = math.inf
+    """[s] Since a ground station's last heartbeat; infinite if there was none."""
+    depth_m: float | None = None
+    """[m] Of the water under the autopilot's echo sounder; None if it does not say."""
     battery_percent: int | None = None
     """[%] What is left of it; None if the autopilot does not know."""
 
@@ -258,7 +264,7 @@ class AutopilotLink:
         self._outbox: list[Message] = []
         self._texts = 0
         self._unsent: list[str] = []
-        self._now_s = self._beat_s = self._commanded_s = -math.inf
+        self._now_s = self._beat_s = self._commanded_s = self._station_s = -math.inf
         self._first_command_s = math.inf
 
     def open(self, stop: Callable[[], bool]) -> Transport:
@@ -271,7 +277,11 @@ class AutopilotLink:
         """Take bytes from the autopilot; whatever they are, it never raises."""
         self._now_s = now_s
         for message in self.wire.decode(data):
-            if not self._listener.take(message, now_s) and self.stations is not None:
+            if self._listener.take(message, now_s):
+                continue
+            if message.get_type() == "HEARTBEAT" and message.type == mavlink.MAV_TYPE_GCS:
+                self._station_s = now_s
+            if self.stations is not None:
                 self.stations.take(message, now_s)
         self._judge_obedience(now_s)
 
@@ -427,6 +437,8 @@ class AutopilotLink:
             battery_percent=listener.battery[1],
             parameters_unsafe=listener.parameters.unsafe,
             engaged=self._engaged(self._now_s),
+            station_age_s=self._now_s - self._station_s,
+            depth_m=listener.depth_m(self._now_s),
         )
 
     def _requests(self, now_s: float, *, may_ask: bool) -> list[Message]:

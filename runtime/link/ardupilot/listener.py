@@ -148,6 +148,8 @@ class Trials:
 _TEXTS = 100
 """[-] The most texts kept until somebody asks: a chatty autopilot must not fill the memory."""
 _NO_VOLTAGE = 65535
+DEPTH_KEPT_S = 3.0
+"""[s] An echo sounder that has said nothing for longer is not believed: it sends once a second."""
 _TEXT_LENGTH = 500
 """[-] Nor an endless one."""
 _INITIALISING = frozenset(
@@ -190,6 +192,7 @@ class Listener:
         """[s] When the last one of each came."""
         self.battery: tuple[float | None, int | None] = (None, None)
         """[V, %] What SYS_STATUS said last; None where it does not know."""
+        self._depth: tuple[float, float] = (math.nan, -math.inf)
         self._settings = settings
         self._handlers: dict[str, Callable[[Message, float], None]] = {
             "HEARTBEAT": self._on_heartbeat,
@@ -198,6 +201,7 @@ class Listener:
             "STATUSTEXT": self._on_text,
             "PARAM_VALUE": self._on_parameter,
             "SYS_STATUS": self._on_system_status,
+            "WATER_DEPTH": self._on_water_depth,
             "GPS_GLOBAL_ORIGIN": self.odometry.origin,
             "TIMESYNC": self._on_timesync,
         }
@@ -282,6 +286,15 @@ class Listener:
         left = message.battery_remaining  # [%]; -1: not known
         known = 0 < volts < _NO_VOLTAGE
         self.battery = (volts / 1000 if known else None, left if 0 <= left <= 100 else None)
+
+    def depth_m(self, now_s: float) -> float | None:
+        """[m] Give the water's depth, if the echo sounder is well and said so lately."""
+        depth_m, came_s = self._depth
+        return depth_m if now_s - came_s <= DEPTH_KEPT_S else None
+
+    def _on_water_depth(self, message: Message, now_s: float) -> None:
+        if message.healthy and math.isfinite(message.distance) and message.distance >= 0.0:
+            self._depth = (float(message.distance), now_s)
 
     def _on_ack(self, message: Message, _now_s: float) -> None:
         us = (self._settings.system_id, self._settings.component_id)

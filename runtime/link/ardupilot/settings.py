@@ -41,7 +41,11 @@ class AutopilotSettings(Settings, frozen=True):
     component_id: Id = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
     """[-] 191: onboard computer."""
     arm: bool = False
-    """Ask the autopilot to arm, once. Without it somebody else arms the boat."""
+    """Ask the autopilot to arm, once; `twinscrew run` does so after `twinscrew consent` only.
+    Without it somebody else arms the boat."""
+    consent_file: str = ""
+    """File by which an operator gives consent to arm; whoever runs the boat must be able to delete
+    it. Empty: beside this file, with ".arm" behind its name."""
     ask_manual: AskManual = AskManual.AFTER_FAILSAFE
     """When to ask for MANUAL mode: never, at_start, after_failsafe (which includes at_start)."""
     receiver_fitted: bool = True

@@ -1,6 +1,6 @@
 import tomllib
 
-from twinscrew.runtime.cli.reference import as_toml, reference
+from twinscrew.runtime.cli.reference import as_toml, envelope_reference, reference
 from twinscrew.runtime.settings import CONFIG_DIR, Settings
 from twinscrew.runtime.vessel.config import RuntimeConfig, load_config
 
@@ -26,6 +26,14 @@ def test_the_shipped_file_is_made_of_the_source() -> None:
     shipped = (CONFIG_DIR / "runtime.toml").read_text()
     hint = "run: python -m twinscrew.runtime.cli.reference > config/runtime.toml"
     assert shipped == reference(), hint
+
+
+def test_the_shipped_envelope_is_made_of_the_source_and_says_the_defaults(tmp_path) -> None:
+    shipped = CONFIG_DIR / "envelope.toml"
+    hint = "run: python -m twinscrew.runtime.cli.reference envelope > config/envelope.toml"
+    assert shipped.read_text() == envelope_reference(), hint
+    (tmp_path / "boat.toml").write_text('envelope = "envelope"\n')
+    assert load_config(tmp_path / "boat.toml") == RuntimeConfig()
 
 
 def test_the_shipped_file_says_the_defaults() -> None:

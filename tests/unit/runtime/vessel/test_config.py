@@ -13,6 +13,7 @@ from twinscrew.hil_sim.tracks.autoferry import autoferry_settings
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.load import load_policy
+from twinscrew.runtime.safety.envelope import EnvelopeSettings
 from twinscrew.runtime.settings import CONFIG_DIR, load
 from twinscrew.runtime.vessel.config import RuntimeConfig, load_config
 from twinscrew.runtime.vessel_description import load_vessel
@@ -36,6 +37,7 @@ READERS = {
     "experiments/*": load_sets,
     "faults/*": load_plan,
     "tracking/autoferry.toml": autoferry_settings,
+    "envelope.toml": lambda path: load(path, EnvelopeSettings),
     "soak.toml": lambda path: load_soak(),
 }
 """Who reads what; the first that fits."""
