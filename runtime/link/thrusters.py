@@ -60,6 +60,9 @@ class ThrusterStatus:
     connected: bool = True
     """Nobody answers on the thrusters' topics: they count as there."""
     message_age_s: float = 0.0
+    station_age_s: float = math.inf
+    """[s] Ground stations do not reach it; the enable has a time of its own."""
+    depth_m: float | None = None
 
     @property
     def engaged(self) -> bool:
