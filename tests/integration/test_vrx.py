@@ -37,7 +37,8 @@ def steps() -> dict[str, list[str]]:
         words = shlex.split(command.words)
         if command.is_shown and words[0] == "twinscrew" and "--zenoh-" not in command.words:
             name = words[2] if words[1] == "send" else words[1]
-            found.setdefault(name, words[1:])
+            if name in STEPS:
+                found.setdefault(name, words[1:])
     return found
 
 
