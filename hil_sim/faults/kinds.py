@@ -172,11 +172,11 @@ KINDS: Final[Mapping[str, Kind]] = {
     "parameter": Kind(("autopilot",), Parameter),
     "streams": Kind(("autopilot",), Streams),
     "goal": Kind(("runtime",), Nothing),
-    "disable": Kind(("enable",), Nothing),
     "push": Kind(("vessel",), Push),
     "silence": Kind(("station",), Nothing),
+    "disable": Kind(("enable",), Nothing),
 }
-"""Every kind. `kill` and `hang` end with a restart; `goal` is an operator who sends it again;
+"""Every kind. `kill` and `hang` end with a restart; `goal` is an operator who sends it again,
 `disable` one who takes the enable back; `silence` is a ground station that is heard no more."""
 
 AT_ONCE: Final = ("pilot", "streams", "goal", "disable")

@@ -158,8 +158,9 @@ def _beams_of(points_S: Float32) -> NDArray[np.int64]:
     row = np.abs(np.arctan2(-z, np.hypot(x, y))[:, None] - SENSOR.elevations).argmin(axis=1)
     first, step = SENSOR.azimuths[0], SENSOR.azimuths[1] - SENSOR.azimuths[0]
     column = np.rint(np.remainder((np.arctan2(y, x) - first) * np.sign(step), math.tau) / abs(step))
-    beams: NDArray[np.int64] = row * SENSOR.columns.count + column.astype(np.int64)
-    return beams - (column.astype(np.int64) == SENSOR.columns.count) * SENSOR.columns.count
+    columns = SENSOR.columns.count
+    beams: NDArray[np.int64] = row * columns + column.astype(np.int64) % columns
+    return beams
 
 
 def _ghost(rays: Float64, bearing: float, stamp_ns: int) -> Float64:

@@ -258,8 +258,8 @@ class Navigation:
         world = self._world
         if world.steps % self._imu_steps == 0:
             for i, imu in enumerate(self.imus):
-                felt = imu.sense(world.state, world.stamp_ns, self._imu_s)
-                self._sensed.append(Sensed(i, "imu", cdr.encode_imu(felt)))
+                sample = imu.sense(world.state, world.stamp_ns, self._imu_s)
+                self._sensed.append(Sensed(i, "imu", cdr.encode_imu(sample)))
         if world.steps % self._fix_steps == 0:
             for i, receiver in enumerate(self.receivers):
                 fix = receiver.sense(world.state, world.stamp_ns, world.time_s)

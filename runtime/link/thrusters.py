@@ -3,8 +3,7 @@
 There is no autopilot that could be asked to arm, that a pilot could take the helm from, or that
 stops the propellers when nobody commands them. In its place:
 
-- consent at the start: `autopilot.arm` and `twinscrew consent`, or `run --arm`; without it nothing
-  drives;
+- consent at the start: `autopilot.arm`, or `twinscrew run --arm`; without it nothing drives;
 - an `enable` (std_msgs/Bool) that is true and goes on coming: who stops sending it, by Ctrl-C or by
   a lost network, stops the boat; one that is false stops it at once, and counts until the sender of
   true has paused and begins anew;
@@ -61,8 +60,9 @@ class ThrusterStatus:
     """Nobody answers on the thrusters' topics: they count as there."""
     message_age_s: float = 0.0
     station_age_s: float = math.inf
-    """[s] Ground stations do not reach it; the enable has a time of its own."""
+    """There are no ground stations by way of them,"""
     depth_m: float | None = None
+    """nor an echo sounder."""
 
     @property
     def engaged(self) -> bool:

@@ -518,19 +518,6 @@ def decode_engagement(payload: bytes | memoryview) -> Engagement:
     return engagement
 
 
-def encode_enable(enable: bool) -> bytes:
-    """Write a std_msgs/Bool: whether the thrusters may be driven."""
-    return HEADER + bytes([enable])
-
-
-def decode_enable(payload: bytes | memoryview) -> bool:
-    """Read a std_msgs/Bool: whether the thrusters may be driven."""
-    reader = Reader(payload, ENABLE_TYPE)
-    enable = reader.flag()
-    reader.end()
-    return enable
-
-
 FALLBACK_TYPE: Final = "twinscrew_msgs/msg/Fallback"
 RESPONSES: Final = ("none", "slow", "hold", "stop", "hand_over")
 
@@ -559,3 +546,16 @@ def decode_fallback(payload: bytes | memoryview) -> Fallback:
     reason = reader.string()
     reader.end()
     return Fallback(stamp_ns=stamp_ns, response=RESPONSES[response], reason=reason)
+
+
+def encode_enable(enable: bool) -> bytes:
+    """Write a std_msgs/Bool: whether the thrusters may be driven."""
+    return HEADER + bytes([enable])
+
+
+def decode_enable(payload: bytes | memoryview) -> bool:
+    """Read a std_msgs/Bool: whether the thrusters may be driven."""
+    reader = Reader(payload, ENABLE_TYPE)
+    enable = reader.flag()
+    reader.end()
+    return enable

@@ -103,6 +103,12 @@ STATE_NOW = _info("state_now", "Which state the vessel is in; told every second.
 AUTOPILOT_NOW = _info(
     "autopilot_now", "The autopilot's mode, whether it is armed, its battery; told every second."
 )
+ENVELOPE_NOW = _info(
+    "envelope_now", "The response, and each quantity of the envelope that is known; every second."
+)
+ENVELOPE_LEFT = _warning("envelope_left", "A quantity is beyond what the boat was proved for.")
+ENVELOPE_RETURNED = _info("envelope_returned", "A quantity is well inside the envelope again.")
+FALLBACK = _warning("fallback", "The fallback response of the boat changed; with the reasons.")
 THRUST_ENABLED = _info("thrust_enabled", "The enable came: decisions drive the thrusters.")
 THRUST_DISABLED = _info("thrust_disabled", "The enable was taken back: neutral thrust at once.")
 ENABLE_LOST = _warning("enable_lost", "The enable does not come any more: neutral thrust.")
@@ -112,12 +118,6 @@ ENABLE_REFUSED = _warning(
 KEEPER = _warning(
     "keeper", "The process that stops the thrusters after the runtime had died: started again."
 )
-ENVELOPE_NOW = _info(
-    "envelope_now", "The response, and each quantity of the envelope that is known; every second."
-)
-ENVELOPE_LEFT = _warning("envelope_left", "A quantity is beyond what the boat was proved for.")
-ENVELOPE_RETURNED = _info("envelope_returned", "A quantity is well inside the envelope again.")
-FALLBACK = _warning("fallback", "The fallback response of the boat changed; with the reasons.")
 LINK_DOWN = _error(
     "link_down", "The connection to the autopilot broke: it is opened again, neutral thrust."
 )

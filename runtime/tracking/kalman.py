@@ -142,9 +142,10 @@ class FilterBank:
         Q : (K, 6, 6) float64
             The process noise of each.
         """
-        self._set(x, P)
-        self._filter.predict(F=F, Q=MatrixStack(Q))
-        return self._state()
+        bank = self._filter
+        bank.x, bank.P = MatrixStack(x[:, :, None]), MatrixStack(P)
+        bank.predict(F=F, Q=MatrixStack(Q))
+        return bank.x.values[:, :, 0], bank.P.values
 
     def update(
         self, x: Float64, P: Float64, z: Float64, H: Float64, R: Float64
@@ -159,15 +160,10 @@ class FilterBank:
             What was measured, what of the state that is, and its noise. A row of H that is zero
             says nothing.
         """
-        self._set(x, P)
-        self._filter.update(MatrixStack(z[:, :, None]), R=MatrixStack(R), H=MatrixStack(H))
-        return self._state()
-
-    def _set(self, x: Float64, P: Float64) -> None:
-        self._filter.x, self._filter.P = MatrixStack(x[:, :, None]), MatrixStack(P)
-
-    def _state(self) -> tuple[Float64, Float64]:
-        return self._filter.x.values[:, :, 0], self._filter.P.values
+        bank = self._filter
+        bank.x, bank.P = MatrixStack(x[:, :, None]), MatrixStack(P)
+        bank.update(MatrixStack(z[:, :, None]), R=MatrixStack(R), H=MatrixStack(H))
+        return bank.x.values[:, :, 0], bank.P.values
 
 
 class MatrixStack:

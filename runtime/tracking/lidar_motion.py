@@ -121,6 +121,7 @@ MEASURED = 4
 VELOCITY = np.eye(STATES)[2:4]
 """H of a measured velocity, (2, 6)."""
 UNIT = np.eye(MEASURED)
+"""R of what is not measured, which no row of H asks for."""
 
 
 def corrected(
@@ -147,7 +148,8 @@ def corrected(
     limit_sigma : float
         See `inflated_noise`.
     """
-    z, H, R = np.zeros((len(x), MEASURED)), np.zeros((len(x), MEASURED, STATES)), _units(len(x))
+    z, H = np.zeros((len(x), MEASURED)), np.zeros((len(x), MEASURED, STATES))
+    R = np.broadcast_to(UNIT, (len(x), MEASURED, MEASURED)).copy()
     z[:, :2], H[:, :2], R[:, :2, :2] = centroids
     measured = np.array(
         [n for n, velocity in enumerate(velocities) if velocity is not None], np.intp
@@ -212,13 +214,6 @@ def inflated_noise(v_N: Float64, R: Float64, x: Float64, P: Float64, limit_sigma
     excess = np.maximum(distance2 / limit_sigma**2 - 1.0, 0.0)
     raised: Float64 = R + excess[:, None, None] * S
     return raised
-
-
-def _units(count: int) -> Float64:
-    """Give unit matrices: the noise of what is not measured, which no row of H asks for."""
-    R = np.empty((count, MEASURED, MEASURED))
-    R[:] = UNIT
-    return R
 
 
 UNKNOWN, FREE, TAKEN = range(3)

@@ -37,7 +37,7 @@ def give(place: Path) -> None:
     ConfigError
         It cannot be written.
     """
-    words = f"{_FIRST}\n{_boot()}\n{_uptime_s():.3f}\n"
+    words = f"{_FIRST}\n{_boot()}\n{_uptime_s()!r}\n"
     beside = place.with_name(f"{place.name}.{os.getpid()}")
     try:
         beside.write_text(words, encoding="ascii")

@@ -10,8 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from twinscrew.runtime.perception.segmentation import PerceptionSettings
 from twinscrew.runtime.perception.sensor import Mount, Sensor
 from twinscrew.runtime.policy.hull_units import units_of
+from twinscrew.runtime.policy.observation import ObservationSettings
+from twinscrew.runtime.policy.risk import RiskSettings
+from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.vessel_description import (
     DEFAULT,
     Vector,
@@ -19,8 +23,6 @@ from twinscrew.runtime.vessel_description import (
     load_vessel,
 )
 
-RANGE_M = 20.0
-"""[m] How far the default vessel looks (paper, sec. III); longer hulls look as many lengths far."""
 GOAL_SHARE = 0.4
 """[-] A goal is reached within this share of the length: 2 m for 5 m (the authors' code)."""
 
@@ -44,17 +46,20 @@ def hull_settings(vessel: VesselDescription) -> dict[str, Any]:
     reference = load_vessel()
     units = units_of(vessel, reference)
     length = vessel.length_m / reference.length_m
-    range_m = round(RANGE_M * max(length, 1.0), 3)
+    range_m = round(PerceptionSettings().max_range_m * max(length, 1.0), 3)  # as many lengths
     return {
         "mount": _place(vessel.lidar_m),
-        "risk": {"own_radius_m": vessel.radius_m, "distance_m": 10.0 * units.length},
+        "risk": {
+            "own_radius_m": vessel.radius_m,
+            "distance_m": RiskSettings().distance_m * units.length,
+        },
         "thrust": {"min_n": vessel.thrusters.min_n, "max_n": vessel.thrusters.max_n},
         "mission": {"goal_radius_m": goal_radius(vessel.length_m)},
         "perception": _perception(vessel, length, range_m),
         "observation": {
             "own_radius_m": vessel.radius_m,
             "perception_range_m": range_m,
-            "goal_range_m": 55.0 * units.length,
+            "goal_range_m": ObservationSettings().goal_range_m * units.length,
         },
         "assurance": _assurance(vessel, reference),
         "autopilot": {"paddles": paddles(vessel)},
@@ -82,11 +87,11 @@ def _place(position_B: Vector) -> dict[str, float]:
 
 def _perception(vessel: VesselDescription, length: float, range_m: float) -> dict[str, Any]:
     """Look for vessels of the own size; small hulls give few echoes, long ones are one object."""
-    mask = vessel.mask
+    mask, tuned = vessel.mask, PerceptionSettings()
     return {
         "max_range_m": range_m,
-        "min_points": max(6, round(20 * min(length, 1.0))),
-        "longest_m": max(6.5, 1.16 * 2.0 * vessel.radius_m),
+        "min_points": max(6, round(tuned.min_points * min(length, 1.0))),
+        "longest_m": max(tuned.longest_m, 1.16 * 2.0 * vessel.radius_m),
         "footprint": _footprint(vessel),
         "hull": {
             "aft_m": mask.aft_m,
@@ -116,21 +121,21 @@ def _footprint(vessel: VesselDescription) -> dict[str, float]:
 def _assurance(vessel: VesselDescription, reference: VesselDescription) -> dict[str, Any]:
     """Look ahead as much longer as the vessel takes longer to stop than the default one."""
     units = units_of(vessel, reference)
-    force, speed = units.force, units.speed
-    slew_nps = 1000.0 * force / units.time
-    stops_s = vessel.stopping(slew_nps)[0] / reference.stopping(1000.0)[0]
-    horizon_s = round(4.0 * stops_s, 2)
+    force, tuned = units.force, AssuranceSettings()
+    slew_nps = tuned.slew_nps * force / units.time
+    stops_s = vessel.stopping(slew_nps)[0] / reference.stopping(tuned.slew_nps)[0]
+    horizon_s = round(tuned.horizon_s * stops_s, 2)
     return {
         "horizon_s": horizon_s,
-        "moving_horizon_s": round(1.5 * stops_s, 2),
-        "step_s": horizon_s / 40,
-        "wait_s": round(max(0.3 * stops_s, 0.2), 2),
-        "margin_m": round(max(0.8 * units.length, 0.3), 3),
-        "approach_per_s": 0.7 / units.time,
+        "moving_horizon_s": round(tuned.moving_horizon_s * stops_s, 2),
+        "step_s": horizon_s / round(tuned.horizon_s / tuned.step_s),
+        "wait_s": round(max(tuned.wait_s * stops_s, 0.2), 2),
+        "margin_m": round(max(tuned.margin_m * units.length, 0.3), 3),
+        "approach_per_s": tuned.approach_per_s / units.time,
         "slew_nps": slew_nps,
-        "brake_nspm": 500.0 * force / speed,
-        "turn_n": 500.0 * force,
-        "disturbance_limit_n": 300.0 * force,
+        "brake_nspm": tuned.brake_nspm * force / units.speed,
+        "turn_n": tuned.turn_n * force,
+        "disturbance_limit_n": tuned.disturbance_limit_n * force,
         "vessel": {
             "inertia": list(vessel.plane_inertia),
             "linear_drag": [vessel.linear_drag[i] for i in (0, 1, 5)],

@@ -2,7 +2,7 @@
 
 Bits turned at random seldom make a message that is read to its end. These are well-formed but for
 what the grammar changes: how many fields, how long names, which stamps, numbers and counts, and
-which frames on the MAVLink line. A boat in simulated time (the real loop, its controller, outlet,
+which frames on the MAVLink line. A boat in simulated time (the real loop, its vessel, publisher,
 ground report and a simulated autopilot) takes them in. Nothing may raise, be it caught
 (`internal_error`), and nothing may take more work, in calls, than the greatest sensible message.
 """

@@ -120,7 +120,11 @@ def thrust(
         left, right = (stick_from_pwm(pwm_us) for pwm_us in pair)
         none = 32_767  # an axis that is not there
         return mavlink.MAVLink_manual_control_message(target, none, left, right, none, 0)
-    return _override(target, pair)
+    channels = [_IGNORE] * 18
+    channels[LEFT - 1], channels[RIGHT - 1] = pair
+    return mavlink.MAVLink_rc_channels_override_message(
+        target, mavlink.MAV_COMP_ID_AUTOPILOT1, *channels
+    )
 
 
 def set_mode(target: int, mode: int) -> Message:
@@ -180,14 +184,6 @@ def statustext(text: str, severity: Severity, number: int) -> list[Message]:
         )
         for chunk, start in enumerate(starts)
     ]
-
-
-def _override(target: int, pair: tuple[int, int]) -> Message:
-    channels = [_IGNORE] * 18
-    channels[LEFT - 1], channels[RIGHT - 1] = pair
-    return mavlink.MAVLink_rc_channels_override_message(
-        target, mavlink.MAV_COMP_ID_AUTOPILOT1, *channels
-    )
 
 
 def _command(target: int, command: int, *params: float) -> Message:

@@ -69,9 +69,9 @@ def test_a_unit_on_a_boat_at_rest_feels_gravity_only() -> None:
     state = replace(state, velocity_B=np.zeros((1, 3)), rates_B=np.zeros((1, 3)))
     state = replace(state, q_NB=np.array([[1.0, 0.0, 0.0, 0.0]]))
     imu = SimulatedImu(EXACT_IMU, VRX_PLACE, state, 0, rng())
-    felt = imu.sense(state, EPOCH_NS, DT_S)
-    np.testing.assert_allclose(felt.force_I, (0.0, 0.0, -9.81), atol=1e-12)
-    np.testing.assert_array_equal(felt.rates_I, 0.0)
+    sample = imu.sense(state, EPOCH_NS, DT_S)
+    np.testing.assert_allclose(sample.force_I, (0.0, 0.0, -9.81), atol=1e-12)
+    np.testing.assert_array_equal(sample.rates_I, 0.0)
 
 
 def test_a_unit_far_from_the_middle_of_a_turn_feels_the_centripetal_force() -> None:
@@ -89,22 +89,22 @@ def test_a_unit_far_from_the_middle_of_a_turn_feels_the_centripetal_force() -> N
             )
         )
     imu = SimulatedImu(EXACT_IMU, place, states[0], 0, rng())
-    felt = imu.sense(states[1], EPOCH_NS, DT_S)
-    np.testing.assert_allclose(felt.force_I, (-(0.8**2) * 2.0, 0.0, -9.81), atol=0.01)
+    sample = imu.sense(states[1], EPOCH_NS, DT_S)
+    np.testing.assert_allclose(sample.force_I, (-(0.8**2) * 2.0, 0.0, -9.81), atol=0.01)
 
 
 def test_a_unit_that_is_turned_feels_in_its_own_axes() -> None:
     place = SensorSettings(imu=Mount(x_m=0.0, y_m=0.0, z_m=0.0, yaw_rad=np.pi / 2))
     state = replace(truth(0.0), rates_B=np.array([[0.1, 0.2, 0.3]]))
-    felt = SimulatedImu(EXACT_IMU, place, state, 0, rng()).sense(state, EPOCH_NS, DT_S)
+    sample = SimulatedImu(EXACT_IMU, place, state, 0, rng()).sense(state, EPOCH_NS, DT_S)
     # Its x points to port, its y (starboard of that) ahead.
-    np.testing.assert_allclose(felt.rates_I, (-0.2, 0.1, 0.3), atol=1e-12)
+    np.testing.assert_allclose(sample.rates_I, (-0.2, 0.1, 0.3), atol=1e-12)
 
 
 def test_what_it_says_of_its_attitude_is_how_noisy_that_is() -> None:
     imu = SimulatedImu(ImuSettings(), VRX_PLACE, at_rest(), 0, rng())
     told = [imu.sense(at_rest(), EPOCH_NS, DT_S) for _ in range(1500)]
-    q = np.array([felt.q_NI * np.sign(felt.q_NI[0]) for felt in told])
+    q = np.array([sample.q_NI * np.sign(sample.q_NI[0]) for sample in told])
     np.testing.assert_allclose(2 * q[:, 1:].std(axis=0), (0.01, 0.01, 0.02), rtol=0.08)
     np.testing.assert_allclose(told[0].attitude_variance, (1e-4, 1e-4, 4e-4))
 

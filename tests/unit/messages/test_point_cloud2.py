@@ -201,3 +201,15 @@ def test_a_cloud_that_contradicts_itself_is_refused_by_name(
 ) -> None:
     with pytest.raises(MessageError, match=words):
         read_points(**(message(layout(), VALUES, (1, 6)) | change))
+
+
+def test_clouds_of_many_layouts_in_turn_are_each_read_by_their_own() -> None:
+    """A layout is checked once and kept: what is kept of one must not serve for another."""
+    steps = (48, 52, 56, 60, 64, 68, 72, 76, 80, 84)  # more than are kept
+    clouds = [message(layout(order, step=step), VALUES, (2, 3)) for step in steps for order in "<>"]
+    for _ in range(2):
+        for cloud in clouds:
+            points = read_points(**cloud)
+            np.testing.assert_array_equal(points.points_S, XYZ * (1.0, -1.0, -1.0))
+            np.testing.assert_array_equal(points.intensity, VALUES["intensity"])
+            np.testing.assert_array_equal(points.ring, VALUES["ring"])

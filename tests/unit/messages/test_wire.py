@@ -1,8 +1,19 @@
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
 from twinscrew.runtime.errors import MessageError
-from twinscrew.runtime.messages.wire import Reader, Writer
+from twinscrew.runtime.messages.wire import (
+    FLAG,
+    STRING,
+    Layout,
+    Reader,
+    Writer,
+    array,
+    number,
+    vector,
+)
 
 
 def body(writer):
@@ -61,3 +72,54 @@ def test_a_sequence_longer_than_the_message_is_refused_before_it_is_made():
     payload = b"\x00\x01\x00\x00" + b"\xff\xff\xff\xff" + bytes(16)
     with pytest.raises(MessageError, match="4294967295 elements do not fit the 24 bytes"):
         Reader(payload, "T").array(np.float64)
+
+
+class Sample(NamedTuple):
+    count: int
+    is_sound: bool
+    name: str
+    place: np.ndarray
+    values: np.ndarray
+    weights: np.ndarray
+
+
+class Samples(NamedTuple):
+    samples: tuple[Sample, ...]
+
+
+SAMPLE = Layout(
+    Sample,
+    "tests/msg/Sample",
+    alike="values",
+    count=number("Q"),
+    is_sound=FLAG,
+    name=STRING,
+    place=vector(2),
+    values=array(np.float64),
+    weights=array(np.int64),
+)
+
+
+@pytest.mark.parametrize("length", [0, 1, 7])
+def test_a_table_reads_what_it_wrote_and_takes_every_byte(length: int) -> None:
+    sample = Sample(7, True, "buoy", np.array([0.5, -2.0]), np.arange(2.0), np.arange(2))
+    table = Layout(Samples, "tests/msg/Samples", samples=SAMPLE.sequence(8))
+    payload = table.encode(Samples((sample,) * length))
+    again = table.decode(payload)
+    assert len(again.samples) == length
+    assert table.encode(again) == payload
+    for found in again.samples:
+        assert found[:3] == sample[:3]
+        np.testing.assert_array_equal(found.place, sample.place)
+        np.testing.assert_array_equal(found.values, sample.values)
+    with pytest.raises(MessageError, match=r"tests/msg/Samples: .*bytes follow"):
+        table.decode(payload + bytes(8))
+    if length:
+        with pytest.raises(MessageError, match="tests/msg/Samples"):
+            table.decode(payload[:-9])
+
+
+def test_a_table_refuses_arrays_that_belong_together_and_differ() -> None:
+    odd = Sample(7, False, "", np.zeros(2), np.zeros(3), np.zeros(2, np.int64))
+    with pytest.raises(MessageError, match="the arrays of its values differ in length"):
+        SAMPLE.decode(SAMPLE.encode(odd))
