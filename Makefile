@@ -8,7 +8,11 @@ NATIVE := CMakeLists.txt $(wildcard runtime/native/*.?pp hil_sim/native/*.?pp)
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help setup setup-dev sitl test test-fast check format lint types imports bench train \
+# One process a core; a file stays with one, so that what its tests share is made once.
+JOBS ?= $(shell nproc)
+PYTEST = $(BIN)/pytest -n $(JOBS) --dist loadfile
+
+.PHONY: help setup setup-dev sitl test test-fast test-nightly check format lint types imports bench train \
         fuzz wheel docs clean native determinism accept audit faults soak
 .DEFAULT_GOAL := help
 
@@ -22,11 +26,16 @@ setup-dev: $(VENV)/.installed-dev $(VENV)/.built  ## install everything, torch a
 sitl: setup  ## sail 3 vessels across the paper's map, in wind and waves, in real time
 	$(BIN)/twinscrew sitl --vessels 3 $(SITL_ARGS)
 
-test: setup-dev $(VENV)/.browser  ## run the whole test suite
-	$(BIN)/pytest
+test: setup-dev $(VENV)/.browser  ## run the test suite; those in real time last, alone
+	$(PYTEST) -m "not realtime and not nightly"
+	$(BIN)/pytest tests/integration -m "realtime and not nightly"
 
-test-fast: setup-dev  ## run the tests that take less than ten seconds each
-	$(BIN)/pytest -m "not slow"
+test-fast: setup-dev  ## run the tests that take less than a second each
+	$(PYTEST) -m "not slow and not realtime and not nightly"
+
+test-nightly: setup-dev $(VENV)/.browser  ## run everything, with new examples, and check the tiers
+	HYPOTHESIS_PROFILE=wide $(PYTEST) -m "not realtime" --tiers --timeout 3000
+	$(BIN)/pytest tests/integration -m realtime --timeout 3000
 
 check: format lint types imports docs test  ## everything that keeps us honest: format to tests
 

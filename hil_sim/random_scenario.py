@@ -10,6 +10,7 @@ from msgspec import Meta
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from twinscrew.hil_sim.contacts import distance_to_box
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import NonNegative, Settings
@@ -26,6 +27,7 @@ CANDIDATES = 512
 """[-] Tries for one vessel or buoy before everything is drawn afresh."""
 LAYOUTS = 100
 """[-] Fresh starts before the request is called impossible."""
+NO_QUAYS = np.empty((0, 6))
 
 
 class RandomSettings(Settings, frozen=True, kw_only=True):
@@ -51,6 +53,8 @@ class RandomSettings(Settings, frozen=True, kw_only=True):
     """[m] Collision radius of a buoy: 0.75 in the experiments, 1.0 in training."""
     buoy_gap_m: NonNegative = 10.0
     """[m] Least distance from a buoy's edge to every start and goal."""
+    quay_gap_m: NonNegative = 5.0
+    """[m] Least distance from a quay to every start and goal; at least half the longest hull."""
 
     def __post_init__(self) -> None:
         """Refuse an area without extent."""
@@ -64,12 +68,13 @@ class _NoPlaceError(Exception):
 
 
 def draw(
-    settings: RandomSettings, vessels: int, buoys: int, rng: Generator
+    settings: RandomSettings, vessels: int, buoys: int, rng: Generator, quays: Float64 = NO_QUAYS
 ) -> tuple[Float64, Float64, Float64]:
     """Draw starts (V, 3), goals (V, 2) and buoys (B, 3): north, east [m], heading or radius.
 
-    Everything is uniform where it may lie, headings too. If one thing finds no place beside those
-    drawn before, all are drawn afresh: without that, five vessels often leave no place for buoys.
+    Quays are given as a scenario has them, (Q, 6): nothing is placed on them. Everything is uniform
+    where it may lie, headings too. If one thing finds no place beside those drawn before, all are
+    drawn afresh: without that, five vessels often leave no place for buoys.
 
     Raises
     ------
@@ -78,22 +83,26 @@ def draw(
     """
     for _ in range(LAYOUTS):
         try:
-            starts, goals = _draw_vessels(settings, vessels, rng)
-            centres = _draw_buoys(settings, buoys, np.concatenate([starts, goals]), rng)
+            starts, goals = _draw_vessels(settings, vessels, rng, quays)
+            centres = _draw_buoys(settings, buoys, np.concatenate([starts, goals]), rng, quays)
         except _NoPlaceError:
             continue
         headings = rng.uniform(-math.pi, math.pi, vessels)
         radii = np.full(buoys, settings.buoy_radius_m)
         return np.column_stack([starts, headings]), goals, np.column_stack([centres, radii])
     low, high = settings.vessel_area_m
+    ashore = f", {settings.quay_gap_m:g} m from every quay" if len(quays) else ""
     raise ConfigError(
         f"no place found for {vessels} vessels and {buoys} buoys: starts {settings.start_gap_m:g} m"
         f" and goals {settings.goal_gap_m:g} m apart, {_min_distance(settings, vessels):g} m from "
-        f"start to goal, all between {low:g} and {high:g} m; ask for fewer, or allow less distance"
+        f"start to goal{ashore}, all between {low:g} and {high:g} m; ask for fewer, or allow less "
+        "distance"
     )
 
 
-def _draw_vessels(settings: RandomSettings, count: int, rng: Generator) -> tuple[Float64, Float64]:
+def _draw_vessels(
+    settings: RandomSettings, count: int, rng: Generator, quays: Float64
+) -> tuple[Float64, Float64]:
     (low, high), starts, goals = settings.vessel_area_m, np.empty((0, 2)), np.empty((0, 2))
     for _ in range(count):
         candidates = rng.uniform(low, high, (CANDIDATES, 2, 2))
@@ -103,19 +112,30 @@ def _draw_vessels(settings: RandomSettings, count: int, rng: Generator) -> tuple
         fits &= _clear(goal, goals, settings.goal_gap_m)
         fits &= _clear(start, goals, settings.start_to_other_goals_m)
         fits &= _clear(goal, starts, settings.start_to_other_goals_m)
+        for place in (start, goal):
+            fits &= (from_quays(place, quays) >= settings.quay_gap_m).all(axis=1)
         first = _first(fits)
         starts, goals = np.vstack([starts, start[first]]), np.vstack([goals, goal[first]])
     return starts, goals
 
 
-def _draw_buoys(settings: RandomSettings, count: int, ports: Float64, rng: Generator) -> Float64:
+def _draw_buoys(
+    settings: RandomSettings, count: int, ports: Float64, rng: Generator, quays: Float64
+) -> Float64:
     (low, high), centres, radius = settings.buoy_area_m, np.empty((0, 2)), settings.buoy_radius_m
     for _ in range(count):
         candidates = rng.uniform(low, high, (CANDIDATES, 2))
         fits = _clear(candidates, ports, radius + settings.buoy_gap_m)
         fits &= _clear(candidates, centres, 2 * radius)
+        fits &= (from_quays(candidates, quays) >= radius).all(axis=1)
         centres = np.vstack([centres, candidates[_first(fits)]])
     return centres
+
+
+def from_quays(places_N: Float64, quays: Float64) -> Float64:
+    """Give how far places, (n, 2), are from quays, (Q, 6), as (n, Q) [m]; 0 on them."""
+    none = np.empty((len(places_N), 0))
+    return np.column_stack([none, *(distance_to_box(places_N, quay) for quay in quays)])
 
 
 def _min_distance(settings: RandomSettings, vessels: int) -> float:

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from twinscrew.hil_sim import random_scenario
-from twinscrew.hil_sim.random_scenario import Coordinate, RandomSettings
+from twinscrew.hil_sim.random_scenario import Coordinate, RandomSettings, from_quays
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import NonNegative, Positive, Settings, load, shipped
 from twinscrew.runtime.vessel.hull_settings import goal_radius
@@ -173,14 +173,11 @@ def _require_sea(sea: str) -> None:
 def _require_water(scenario: Scenario) -> None:
     """Refuse vessels that begin, or are to go, where a quay stands."""
     places = {"start": scenario.starts[:, :2], "goal": scenario.goals}
-    for i, (north, east, length, width, _, heading) in enumerate(scenario.quays):
-        for what, places_N in places.items():
-            ahead, abeam = ((places_N - (north, east)) @ rotation_2d(heading)).T
-            within = (abs(ahead) <= length / 2) & (abs(abeam) <= width / 2)
-            for vessel in np.flatnonzero(within):
-                raise ConfigError(
-                    f"the {what} of {scenario.names[vessel]} lies within quay {i + 1}", key="quay"
-                )
+    for what, places_N in places.items():
+        for vessel, quay in np.argwhere(from_quays(places_N, scenario.quays) == 0.0):
+            raise ConfigError(
+                f"the {what} of {scenario.names[vessel]} lies within quay {quay + 1}", key="quay"
+            )
 
 
 def _require_count(what: str, asked: int | None, there: int) -> None:
@@ -204,8 +201,10 @@ def _random(
     for what, count, least in (("vessels", vessels, 1), ("buoys", buoys, 0), ("seed", seed, 0)):
         if count < least:
             raise ConfigError(f"must be at least {least}, got {count}", key=what)
+    half_m = max(load_vessel(kind).length_m for kind in types) / 2
+    settings = replace(settings, quay_gap_m=max(settings.quay_gap_m, half_m))
     starts, goals, buoy_rows = random_scenario.draw(
-        settings, vessels, buoys, np.random.default_rng(seed)
+        settings, vessels, buoys, np.random.default_rng(seed), _quays(file)
     )
     limits = np.full(vessels, math.inf)
     arrays = {"starts": starts, "goals": goals, "buoys": buoy_rows}
@@ -229,19 +228,22 @@ def _scenario(
 ) -> Scenario:
     each = tuple(types[i % len(types)] for i in range(len(limits)))
     longest = max(load_vessel(kind).length_m for kind in each)
-    quays = [(*q.centre_m, *q.size_m, math.radians(q.heading_deg)) for q in file.quay]
     return Scenario(
         name=name,
         names=tuple(f"wamv{i + 1}" for i in range(len(limits))),
         types=each,
         thrust_limits=limits,
-        quays=_rows(quays, 6),
+        quays=_quays(file),
         map_size=file.map_size_m,
         sea=file.sea,
         time_limit_s=file.time_limit_s,
         goal_radius=file.goal_radius_m or goal_radius(longest),
         **arrays,
     )
+
+
+def _quays(file: ScenarioFile) -> Float64:
+    return _rows([(*q.centre_m, *q.size_m, math.radians(q.heading_deg)) for q in file.quay], 6)
 
 
 def _rows(rows: Sequence[tuple[float, ...]], width: int) -> Float64:

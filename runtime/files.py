@@ -1,15 +1,19 @@
 """Reads the files that decide what a runtime does; where they must be approved, only as approved.
 
 Between a check of a file and its use somebody may change it. So an approved file is read once: what
-was read is compared with the manifest, kept, and given to whoever reads the file after that.
+was read is compared with the manifest, kept, and given to whoever reads the file after that. Files
+are written whole or not at all.
 """
 
 from __future__ import annotations
 
+import os
+import platform
 import stat
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from twinscrew.runtime.errors import ConfigError
 
@@ -56,6 +60,41 @@ def only_approved(contents: Mapping[Path, bytes] | None) -> Iterator[None]:
         yield
     finally:
         _approved = before
+
+
+def replace_file(file: Path, write: Callable[[BinaryIO], object]) -> None:
+    """Write beside a file, and let that take its place: it is there whole, or as it was before.
+
+    Parameters
+    ----------
+    write
+        Takes the open file, and writes the new contents.
+
+    Raises
+    ------
+    OSError
+        It cannot be written.
+    """
+    part = file.with_name(f".{file.name}.part")
+    try:
+        with part.open("wb") as out:
+            write(out)
+            out.flush()
+            os.fsync(out.fileno())
+        part.replace(file)
+    except BaseException:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+        raise
+
+
+def processor() -> str:
+    """Give the processor's name, as the system calls it."""
+    with suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.machine()
 
 
 # -- Who may read or change a file: secrets are their owner's, what is trusted is not everyone's.

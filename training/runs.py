@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import fcntl
 import json
-import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -18,6 +17,7 @@ from typing import Any, BinaryIO
 
 import torch
 
+from twinscrew.runtime import files
 from twinscrew.runtime.errors import NOT_THE_FORMAT, ConfigError, TwinscrewError
 
 CHECKPOINT = "checkpoint.pt"
@@ -152,15 +152,9 @@ def replace_file(file: Path, write: Callable[[BinaryIO], object]) -> None:
     TwinscrewError
         It cannot be written; what was there before is untouched.
     """
-    part = file.with_name(f".{file.name}.part")
     try:
-        with part.open("wb") as out:
-            write(out)
-            out.flush()
-            os.fsync(out.fileno())
-        part.replace(file)
+        files.replace_file(file, write)
     except (OSError, RuntimeError) as error:
-        part.unlink(missing_ok=True)
         raise TwinscrewError(
             f"{file}: cannot be written ({error}); the last one is kept"
         ) from error

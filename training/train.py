@@ -9,7 +9,6 @@ time after seconds, so that there is always something to export.
 from __future__ import annotations
 
 import json
-import platform
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -20,6 +19,7 @@ import msgspec
 import torch
 
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.files import processor
 from twinscrew.runtime.settings import convert
 from twinscrew.training import evaluate, runs
 from twinscrew.training.agents import algorithm, make_agent
@@ -324,10 +324,4 @@ def complete(settings: dict[str, Any]) -> dict[str, Any]:
 
 def machine() -> str:
     """Say what the run is made on."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
-    names = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]
-    processor = names[0] if names else platform.machine()
-    return f"{processor}, {torch.get_num_threads()} thread(s), torch {torch.__version__}"
+    return f"{processor()}, {torch.get_num_threads()} thread(s), torch {torch.__version__}"

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from twinscrew.hil_sim.bench.budgets import compared, load_budgets
 from twinscrew.runtime.errors import ConfigError, one_of
+from twinscrew.runtime.files import processor
 
 GROUP = "twinscrew.benches"
 BY_DEFAULT = (
@@ -63,7 +64,7 @@ def bench(
 def machine() -> dict[str, Any]:
     """Tell on what the figures were measured."""
     return {
-        "cpu": _cpu_model(),
+        "cpu": processor(),
         "cores": len(os.sched_getaffinity(0)),
         "load": round(os.getloadavg()[0], 2),
         "python": platform.python_version(),
@@ -93,13 +94,6 @@ def _options(name: str, plot: Path | None, seconds: float) -> dict[str, Any]:
     if name == "perception" and plot is not None:
         return {"plot": plot}
     return {"seconds": seconds} if name == "wire" else {}
-
-
-def _cpu_model() -> str:
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            return line.partition(":")[2].strip()
-    return platform.machine()
 
 
 def _print(console: Console, name: str, values: Any) -> None:

@@ -22,6 +22,7 @@ import numpy as np
 from twinscrew.hil_sim.experiments.plan import Experiment, Key, SetSettings, episode_seed
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.runtime.errors import NOT_THE_FORMAT, ConfigError, RecordingError
+from twinscrew.runtime.files import processor, replace_file
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.recording.recorder import software
 from twinscrew.runtime.settings import CONFIG_DIR, Settings, convert
@@ -180,7 +181,8 @@ def go_on(path: Path, asked: Mapping[str, Any]) -> Folder:
 
 def origin() -> Origin:
     """Tell by what results would be made now."""
-    return Origin(commit=_commit(), software=software(), machine=_cpu_model())
+    machine = f"{processor()}, {len(os.sched_getaffinity(0))} cores"
+    return Origin(commit=_commit(), software=software(), machine=machine)
 
 
 def _differences(there: Experiment, asked: Mapping[str, Any]) -> Iterator[str]:
@@ -214,13 +216,8 @@ def _plain(value: object) -> str:
 def _write(path: Path, folder: Folder) -> Folder:
     """Write experiment.json whole or not at all."""
     data = msgspec.json.format(msgspec.json.encode(folder), indent=2) + b"\n"
-    scratch = path / f"{EXPERIMENT_FILE}.part"
     try:
-        with scratch.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        scratch.replace(path / EXPERIMENT_FILE)
+        replace_file(path / EXPERIMENT_FILE, lambda file: file.write(data))
     except OSError as error:
         raise ConfigError(error.strerror or str(error), file=path / EXPERIMENT_FILE) from error
     return folder
@@ -233,13 +230,6 @@ def _commit() -> str:
     words = [git, "-C", str(CONFIG_DIR), "describe", "--always", "--dirty", "--abbrev=12"]
     answer = subprocess.run(words, capture_output=True, text=True, check=False)
     return answer.stdout.strip() or "unknown"
-
-
-def _cpu_model() -> str:
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            return f"{line.partition(':')[2].strip()}, {len(os.sched_getaffinity(0))} cores"
-    return "unknown"
 
 
 # -- results.jsonl: one line an episode, appended so that neither a crash nor a full disk loses one.
@@ -433,9 +423,8 @@ def write_beginnings(folder: Path, experiment: Experiment) -> None:
     try:
         if path.is_file() and _count(path) >= experiment.episodes:
             return
-        scratch = path.with_suffix(".part")
-        scratch.write_bytes(msgspec.json.encode({"sets": beginnings(experiment)}))
-        scratch.replace(path)
+        drawn = msgspec.json.encode({"sets": beginnings(experiment)})
+        replace_file(path, lambda file: file.write(drawn))
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror or error}") from error
 

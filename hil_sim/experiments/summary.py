@@ -9,12 +9,11 @@ from statistics import fmean, median
 from typing import Any
 
 import numpy as np
+from scipy.stats import binomtest, bootstrap
 
 from twinscrew.hil_sim.experiments.results import EncounterRecord, EpisodeRecord
 from twinscrew.runtime.messages.types import Float64
 
-Z95 = 1.959963984540054
-"""[-] The 97.5 % quantile of the normal distribution."""
 RESAMPLES = 10_000
 """[-] Bootstrap samples: the interval's ends are then good to about 1 % of its width."""
 
@@ -26,10 +25,8 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
     """
     if trials == 0:
         return 0.0, 1.0
-    share, z2 = successes / trials, Z95**2
-    centre = (share + z2 / (2 * trials)) / (1 + z2 / trials)
-    half = Z95 / (1 + z2 / trials) * math.sqrt(share * (1 - share) / trials + z2 / (4 * trials**2))
-    return max(0.0, centre - half), min(1.0, centre + half)
+    interval = binomtest(successes, trials).proportion_ci(0.95, "wilson")
+    return float(interval.low), float(interval.high)
 
 
 def bootstrap_mean(groups: Sequence[Sequence[float]], seed: int = 0) -> tuple[float, float, float]:
@@ -56,10 +53,18 @@ def bootstrap_mean(groups: Sequence[Sequence[float]], seed: int = 0) -> tuple[fl
         return math.nan, math.nan, math.nan
     sums = np.array([float(np.sum(group)) for group in filled])
     counts = np.array([len(group) for group in filled])
-    drawn = np.random.default_rng(seed).integers(len(filled), size=(RESAMPLES, len(filled)))
-    means = sums[drawn].sum(axis=1) / counts[drawn].sum(axis=1)
-    low, high = np.percentile(means, [2.5, 97.5])
-    return float(sums.sum() / counts.sum()), float(low), float(high)
+    mean = float(sums.sum() / counts.sum())
+    if len(filled) == 1:
+        return mean, mean, mean
+    interval = bootstrap(
+        (sums, counts),
+        lambda sums, counts, axis: sums.sum(axis) / counts.sum(axis),
+        paired=True,
+        n_resamples=RESAMPLES,
+        method="percentile",
+        rng=np.random.default_rng(seed),
+    ).confidence_interval
+    return mean, float(interval.low), float(interval.high)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,9 +101,7 @@ def mcnemar(only_first: int, only_second: int) -> float:
     are equally good: a binomial test with 1/2. Source: McNemar (1947); Fay (2010), R Journal 2/1.
     """
     discordant = only_first + only_second
-    least = min(only_first, only_second)
-    tail: float = sum(math.comb(discordant, k) for k in range(least + 1)) / 2**discordant
-    return min(1.0, 2.0 * tail)
+    return float(binomtest(only_first, discordant).pvalue) if discordant else 1.0
 
 
 def holm(p_values: Sequence[float]) -> list[float]:

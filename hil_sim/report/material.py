@@ -9,7 +9,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from twinscrew.hil_sim.experiments.plan import Experiment, label, load_sets
+from twinscrew.hil_sim.experiments.plan import (
+    Experiment,
+    calmed,
+    eased,
+    episode_seed,
+    label,
+    load_sets,
+    vessel_of,
+)
 from twinscrew.hil_sim.experiments.results import (
     RESULTS_FILE,
     EpisodeRecord,
@@ -18,7 +26,10 @@ from twinscrew.hil_sim.experiments.results import (
     read_results,
 )
 from twinscrew.hil_sim.experiments.summary import Cell, summarise
+from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.settings import load, shipped
+from twinscrew.runtime.vessel_description import load_vessel
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +110,45 @@ class Material:
     def line_of(self, record: EpisodeRecord) -> int:
         """Give the line of results.jsonl that holds an episode."""
         return self.records.index(record) + 1
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """In what the main variant was sailed: each value once, in the order of the sets."""
+
+    seas: tuple[SeaSettings, ...]
+    time_limits_s: tuple[float, ...]
+    """[s] A vessel under way longer has failed."""
+    goal_radii_m: tuple[float, ...]
+    """[m] A vessel whose origin is this near its goal has arrived."""
+    hull_radii_m: tuple[float, ...]
+    """[m] Of the circles with which contacts are judged."""
+    buoy_radii_m: tuple[float, ...]
+    """[m] None without a buoy."""
+
+
+def conditions(experiment: Experiment) -> Conditions:
+    """Say in what an experiment's main variant is sailed, from the first episode of each set.
+
+    Raises
+    ------
+    ConfigError
+        A set's scenario, sea or vessel is not there any more.
+    """
+    switches = experiment.variants[0]
+    scenarios = [
+        eased(one.draw(episode_seed(experiment.seed, one.name, 0)), switches)
+        for one in experiment.sets
+    ]
+    seas = [calmed(load(shipped("sea", s.sea), SeaSettings), switches) for s in scenarios]
+    hulls = [vessel_of(switches, load_vessel(kind)) for s in scenarios for kind in s.types]
+    return Conditions(
+        seas=tuple(dict.fromkeys(seas)),
+        time_limits_s=tuple(dict.fromkeys(s.time_limit_s for s in scenarios)),
+        goal_radii_m=tuple(dict.fromkeys(s.goal_radius for s in scenarios)),
+        hull_radii_m=tuple(dict.fromkeys(r for hull in hulls for _, r in hull.circles_m)),
+        buoy_radii_m=tuple(dict.fromkeys(r for s in scenarios for r in s.buoys[:, 2].tolist())),
+    )
 
 
 def gather(path: Path, evaluations: Iterable[str] = ()) -> Material:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,7 +12,8 @@ from twinscrew.hil_sim.experiments.runner import count
 from twinscrew.hil_sim.report import bars, gallery, tables
 from twinscrew.hil_sim.report.gallery import Picture, Told
 from twinscrew.hil_sim.report.markdown import table
-from twinscrew.hil_sim.report.material import Material
+from twinscrew.hil_sim.report.material import Conditions, Material, conditions
+from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.runtime.errors import RecordingError
 
 FILE = "REPORT.md"
@@ -63,13 +65,18 @@ def _trajectories(material: Material, folder: Path, told: Told | None) -> list[P
 
 
 def _parts(material: Material, pictures: Sequence[Picture], failed: Sequence[Picture]) -> list[str]:
-    parts = ["# Report of an experiment", *_setting(material)]
+    sailed = conditions(material.experiment)
+    parts = ["# Report of an experiment", *_setting(material, sailed)]
     parts += ["## Success", SUCCESS, f"![success rates]({FIGURES}/success.png)"]
     parts += [tables.success(material), "Over all sets, and what failed first:"]
     parts += [tables.failures(material), "## Travel time", TRAVEL, tables.travel_time(material)]
     if len(material.methods) > 1:
         parts += ["## Method against method", PAIRED, tables.paired(material)]
-    parts += ["## Closest approach", CLOSEST, f"![closest]({FIGURES}/closest_approach.png)"]
+    parts += [
+        "## Closest approach",
+        _closest(sailed),
+        f"![closest]({FIGURES}/closest_approach.png)",
+    ]
     parts += [tables.closest_approach(material), "## COLREGs", COLREGS, tables.colregs(material)]
     parts += ["## Effort and speed", EFFORT, tables.effort(material)]
     if {tables.UNASSURED, FULL} <= set(material.variants):
@@ -83,7 +90,7 @@ def _parts(material: Material, pictures: Sequence[Picture], failed: Sequence[Pic
     return parts
 
 
-def _setting(material: Material) -> list[str]:
+def _setting(material: Material, sailed: Conditions) -> list[str]:
     experiment, folder = material.experiment, material.folder
     there, planned = len(material.records), count(experiment)
     unfinished = "" if there == planned else f" **Unfinished: {planned - there} are missing.**"
@@ -99,7 +106,31 @@ def _setting(material: Material) -> list[str]:
         ],
     )
     methods = [[method.name, f"{method.sha256[:16]}..."] for method in experiment.methods]
-    return [SETTING + unfinished, asked, table(["method", "SHA-256 of its policy"], methods)]
+    rules = (
+        f"{SETTING} In {' or '.join(_sea(sea) for sea in sailed.seas)}. An episode fails if "
+        f"anything is touched or a vessel is under way for over {_list(sailed.time_limits_s)} s; "
+        f"a vessel has arrived within {_list(sailed.goal_radii_m)} m of its goal."
+    )
+    return [rules + unfinished, asked, table(["method", "SHA-256 of its policy"], methods)]
+
+
+def _sea(sea: SeaSettings) -> str:
+    """Say what a sea is like."""
+    wind, waves = sea.wind, sea.waves
+    gusts = f" with gusts of {wind.gust_mps:g} m/s" if wind.gust_mps else ""
+    blows = f"{wind.mean_mps:g} m/s of wind{gusts}" if wind.mean_mps or gusts else "no wind"
+    runs = f"waves of {waves.period_s:g} s and gain {waves.gain:g}" if waves.gain else "flat water"
+    speed = math.hypot(*sea.current_mps)
+    return f"{blows}, {runs}" + (f" and a current of {speed:g} m/s" if speed else "")
+
+
+def _closest(sailed: Conditions) -> str:
+    buoys = f", buoys' {_list(sailed.buoy_radii_m)} m" if sailed.buoy_radii_m else ""
+    return f"{CLOSEST} Surfaces are circles: vessels' of {_list(sailed.hull_radii_m)} m{buoys}."
+
+
+def _list(values: Sequence[float]) -> str:
+    return " or ".join(f"{value:.3g}" for value in values)
 
 
 def _shown(pictures: Sequence[Picture]) -> list[str]:
@@ -113,8 +144,7 @@ def _shown(pictures: Sequence[Picture]) -> list[str]:
 
 SETTING = """\
 Every vessel of an episode sails by the same method, on the whole runtime: LiDAR, segmentation,
-tracking, policy, MAVLink; in the paper's wind and waves. Every method sails the same episodes. An
-episode fails if anything is touched or a vessel is under way for over 90 s."""
+tracking, policy, MAVLink. Every method sails the same episodes."""
 SUCCESS = "Share of episodes; in brackets Wilson's 95 % interval [%]."
 TRAVEL = """\
 Mean over the vessels of the successful episodes; in brackets the 95 % bootstrap interval, whole
@@ -127,7 +157,7 @@ episodes in which both succeed, mean and 95 % bootstrap interval: other than tra
 fair comparison."""
 CLOSEST = """\
 Least distance between a vessel's surface and anything else's while under way, over all vessels and
-sets; below 0 is a collision. Surfaces are circles of 2.8 m and 0.75 m."""
+sets; below 0 is a collision."""
 COLREGS = """\
 Encounters by the paper's zones, with the true positions. Asked is: in a head-on one, to leave the
 other to port; where the vessel must give way, not to cross ahead; and not to touch. A deviation was

@@ -19,6 +19,7 @@ from typing import Any, BinaryIO, Final, NamedTuple
 from mcap.writer import CompressionType, Writer
 
 from twinscrew.runtime.errors import RecordingError
+from twinscrew.runtime.files import replace_file
 from twinscrew.runtime.messages.topics import TOPICS, definition, ros_name, type_hash
 from twinscrew.runtime.recording.settings import BagSettings
 
@@ -165,10 +166,8 @@ class BagWriter:
     def _write_metadata_file(self) -> None:
         here = [file for file in self._closed if file.path.exists()]
         contents = [file.contents for file in here or self._closed[-1:]]
-        temporary = self._path / f"{METADATA_FILE}.tmp"
         text = metadata_yaml(contents, self._names, self._metadata)
-        temporary.write_text(text, encoding="utf-8")
-        temporary.replace(self._path / METADATA_FILE)
+        replace_file(self._path / METADATA_FILE, lambda out: out.write(text.encode()))
 
 
 def _size(path: Path) -> int:

@@ -18,7 +18,7 @@ from tests.harness.commands import TWINSCREW
 
 OWN = {"runs", "build", "dist", ".git", ".venv"}
 """What the sandbox has of its own, or not at all."""
-PATIENCE_S = 170.0
+PATIENCE_S = 400.0
 """[s] A command that hangs must not hang the tests; far beyond what any takes."""
 BOAT = 'name = "wamv"\n[bus]\nconnect = []\n[autopilot]\nconnection = "udpout:127.0.0.1:9"\n'
 INTERRUPTED = {130, -signal.SIGINT}

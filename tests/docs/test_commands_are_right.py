@@ -49,6 +49,7 @@ def is_excused(kind, words, command):
     return kind == "BadParameter" and "does not exist" in words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", OF_TWINSCREW, ids=str)
 def test_the_command_line_knows_it(command):
     assert refusal(command) is None

@@ -9,23 +9,42 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-GIVE_UP_S = 120
+from tests.harness.fork_server import MODULE, ForkServer
+
+GIVE_UP_S = 250
 """[s] A command that hangs must not hang the tests; far beyond what any takes."""
-TWINSCREW = (sys.executable, "-m", "twinscrew.runtime.cli")
+TWINSCREW = (sys.executable, "-m", MODULE)
+AT_START = ("PYTHON", "OMP_", "OPENBLAS_", "_TWINSCREW", "COMP_")
+"""What is looked at while an interpreter, or a library, is loaded."""
 
 
-def twinscrew(*words: object, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end."""
-    return subprocess.run(
-        [*TWINSCREW, *map(str, words)],
-        capture_output=True,
-        text=True,
-        timeout=GIVE_UP_S,
-        env=_environment(environment),
-    )
+def twinscrew(
+    *words: object, fresh: bool = False, **environment: str
+) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end, in a process of its own: forked, or a fresh one if so asked.
+
+    A fresh one it is too where the environment says something to Python or to libraries.
+    """
+    told = [str(word) for word in words]
+    if fresh or any(name.startswith(AT_START) for name in environment):
+        return subprocess.run(
+            [*TWINSCREW, *told],
+            capture_output=True,
+            text=True,
+            timeout=GIVE_UP_S,
+            env=_environment(environment),
+        )
+    return fork_server().run(told, _environment(environment), GIVE_UP_S)
+
+
+@cache
+def fork_server() -> ForkServer:
+    """Give where this process's commands are started."""
+    return ForkServer()
 
 
 def start(*words: object, log: Path) -> subprocess.Popen[bytes]:

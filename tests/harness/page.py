@@ -14,7 +14,7 @@ CHROMIUM = next(
 wants_chromium = pytest.mark.skipif(
     CHROMIUM is None, reason="no Chromium: apt-get install chromium (Debian), or put one on PATH"
 )
-PATIENCE_S = 60.0
+PATIENCE_S = 200.0
 """[s] After this long without what is waited for, the test has failed; nothing is timed."""
 MIDDLE = (0.44, 0.44, 0.56, 0.56)
 DESKTOP, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}

@@ -1,8 +1,12 @@
-"""How much work a call does, counted and not timed: the same on any machine, under any load."""
+"""How much work a call does, counted and not timed: the same on any machine, under any load.
+
+And how much of it a property test asks for.
+"""
 
 from __future__ import annotations
 
 import gc
+import os
 import sys
 from collections.abc import Callable
 from types import FrameType
@@ -26,3 +30,8 @@ def calls_of(action: Callable[[], object]) -> int:
         if collects:
             gc.enable()
     return count
+
+
+def examples(count: int) -> int:
+    """Give how many examples a property test plays that plays `count` at a landing."""
+    return count * (10 if os.environ.get("HYPOTHESIS_PROFILE") == "wide" else 1)

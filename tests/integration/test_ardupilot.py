@@ -21,6 +21,8 @@ from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.recording.recording import find_recordings
 
+pytestmark = pytest.mark.realtime
+
 REPOSITORY = Path(__file__).parents[2]
 REAL = os.environ.get("ARDUROVER", "")
 PEER = f"""#!/bin/sh
@@ -76,8 +78,7 @@ def sail(binary: Path, out: Path, *words: object):
     )
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("odometry", ["bus", "autopilot"])
+@pytest.mark.parametrize("odometry", ["bus", pytest.param("autopilot", marks=pytest.mark.nightly)])
 def test_two_vessels_sail_on_their_ardupilots_and_arrive(ardurover, odometry, tmp_path) -> None:
     words = ("--vessels", 2, "--buoys", 1, "--seed", 1, "--odometry", odometry)
     done = sail(ardurover, tmp_path / "run", *words)

@@ -3,6 +3,7 @@
 from contextlib import closing
 from pathlib import Path
 
+import pytest
 from tests.harness.boat import cloud
 from tests.harness.commands import running, stop
 from tests.harness.sensors import Sensors
@@ -11,6 +12,8 @@ from tests.harness.waiting import wait_until
 from twinscrew.hil_sim.drivers.processes import free_port
 from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.messages import cdr
+
+pytestmark = pytest.mark.slow
 
 RUBBISH = (b"", b"\x00", bytes(64), b"\xff" * 5000, cdr.encode_point_cloud(cloud(0.0))[:-3])
 

@@ -12,6 +12,8 @@ from tests.harness.commands import TWINSCREW, twinscrew
 
 from twinscrew.runtime.settings import CONFIG_DIR
 
+pytestmark = pytest.mark.slow
+
 AC_IQN = str(CONFIG_DIR / "training" / "ac_iqn.toml")
 DATA = str(Path(__file__).parents[2] / "docs" / "data" / "ac_iqn")
 COMMANDS = ("sitl", "run", "train", "export", "evaluate", "replay", "bench", "doctor")

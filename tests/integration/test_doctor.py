@@ -15,6 +15,8 @@ from twinscrew.hil_sim.world import make_world
 from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.messages import cdr
 
+pytestmark = pytest.mark.realtime
+
 LISTEN_S = 3
 
 

@@ -9,6 +9,8 @@ import pytest
 from tests.harness.commands import as_json, start, twinscrew
 from tests.harness.waiting import wait_until
 
+pytestmark = pytest.mark.slow
+
 SETS = """
 [[set]]
 name = "head on"

@@ -11,6 +11,8 @@ from tests.harness.commands import as_json, twinscrew
 
 from twinscrew.runtime.recording.recording import find_recordings
 
+pytestmark = pytest.mark.realtime
+
 STOPS = """
 [promise]
 fault = "scans stop"
@@ -60,7 +62,6 @@ def written(folder: Path, name: str, text: str) -> Path:
     return path
 
 
-@pytest.mark.slow
 def test_promises_are_measured_and_a_broken_one_is_named_and_the_status_1(tmp_path: Path) -> None:
     files = [
         written(tmp_path, "stops", STOPS),
@@ -83,7 +84,7 @@ def test_promises_are_measured_and_a_broken_one_is_named_and_the_status_1(tmp_pa
     assert [recording.whole for recording in recordings] == [False, True]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_voyage_with_faults_says_what_was_promised_and_measured(tmp_path: Path) -> None:
     file = written(tmp_path, "stops", STOPS.replace("[[fault]]", '[[fault]]\nvessel = "wamv2"'))
     words = ("--scenario", "head_on", "--max-time", 12, "--out", tmp_path / "run", "--json")

@@ -20,6 +20,8 @@ from typer.testing import CliRunner
 
 from twinscrew.hil_sim.perceive.command import perceive
 
+pytestmark = pytest.mark.slow
+
 FEWEST = 25
 """[-] Of things that show fewer echoes nothing is asked."""
 RANGE_M = 20.0

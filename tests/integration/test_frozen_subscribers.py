@@ -15,6 +15,8 @@ from tests.harness.waiting import wait_until
 from twinscrew.hil_sim.drivers.processes import free_port
 from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 
+pytestmark = pytest.mark.slow
+
 VIEWERS = 4
 CLOUD_B = 480_000
 ODOMETRY_HZ, CLOUD_HZ = 20, 10

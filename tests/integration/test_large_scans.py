@@ -8,12 +8,15 @@ import tracemalloc
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from twinscrew.hil_sim.bench.scenes import basin
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import PointCloud
 from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
+
+pytestmark = pytest.mark.slow
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 MILLION = 1_000_000

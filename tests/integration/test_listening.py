@@ -14,6 +14,8 @@ from tests.harness.waiting import wait_until
 
 from twinscrew.hil_sim.drivers.processes import free_port
 
+pytestmark = pytest.mark.slow
+
 
 def open_to(process: psutil.Process) -> set[tuple[str, str, int]]:
     """Where a process and its children can be reached: TCP that listens, UDP that is bound."""
@@ -77,7 +79,6 @@ def test_by_comparison_the_runtime_listens_where_it_was_told_to(tmp_path: Path, 
         assert beyond_this_machine(process) == [("tcp", "0.0.0.0", port)]  # noqa: S104
 
 
-@pytest.mark.slow
 def test_a_simulated_fleet_with_its_live_view(tmp_path: Path, log: Path) -> None:
     out = tmp_path / "run"
     words = ("sitl", "--vessels", 2, "--buoys", 0, "--view", "--port", 0, "--out", out)

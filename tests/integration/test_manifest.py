@@ -13,6 +13,8 @@ from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.recording.recording import find_recordings
 from twinscrew.runtime.settings import CONFIG_DIR
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def boat(tmp_path: Path) -> Path:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.harness.work import examples
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.rover import Mode, RoverSettings
@@ -260,7 +261,7 @@ def test_without_permission_the_failsafes_hold_is_for_good():
     assert boat.autopilot.rover.mode is Mode.HOLD
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=examples(10), deadline=None)
 @given(st.integers(0, 2**32))
 def test_a_line_that_loses_a_third_still_drives(seed):
     boat = Boat(line=lossy(0.33, seed), arm=False).sail(5.0, (400.0, 400.0))
@@ -271,7 +272,7 @@ def test_a_line_that_loses_a_third_still_drives(seed):
     assert boat.link.status.obeying is not False
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=examples(10), deadline=None)
 @given(st.integers(0, 2**32))
 def test_a_line_that_damages_bytes_never_gives_wild_thrust(seed):
     generator = random.Random(seed)

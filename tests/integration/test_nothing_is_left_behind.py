@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 from tests.harness.commands import TWINSCREW
 
-PATIENCE_S = 60.0
+pytestmark = pytest.mark.slow
+
+PATIENCE_S = 200.0
 """[s] Far beyond what anything here takes: what hangs must not hang the tests."""
 
 

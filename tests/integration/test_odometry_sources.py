@@ -17,6 +17,8 @@ from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.recording.recording import Recording, find_recordings
 from twinscrew.runtime.vessel.replay import combined_sha256, replay
 
+pytestmark = pytest.mark.slow
+
 HEAD_ON = load_scenario("head_on")
 
 

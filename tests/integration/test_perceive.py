@@ -13,6 +13,8 @@ from tests.harness.commands import as_json, twinscrew
 from tests.harness.street import CARS, POLES
 from tests.reference.scans import FIRINGS, Thing, scan
 
+pytestmark = pytest.mark.slow
+
 
 def kitti_bin(file: Path) -> Path:
     points = street.like_kitti().points

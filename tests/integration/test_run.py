@@ -23,6 +23,8 @@ from twinscrew.runtime.recording.recording import find_recordings
 from twinscrew.runtime.settings import CONFIG_DIR
 from twinscrew.runtime.vessel.summary import read_summary
 
+pytestmark = pytest.mark.slow
+
 HOST = "127.0.0.1"
 
 

@@ -9,8 +9,10 @@ import time
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 WATCHDOG_S = 1.0
-PATIENCE_S = 30.0
+PATIENCE_S = 200.0
 
 
 @pytest.fixture

@@ -12,7 +12,16 @@ from twinscrew.training.logs import Progress
 from twinscrew.training.settings import Phase, load_training
 from twinscrew.training.train import Training, train
 
-FILES = sorted((CONFIG_DIR / "training").rglob("*.toml"))
+pytestmark = pytest.mark.slow
+
+FOLDER = CONFIG_DIR / "training"
+FILES = [
+    *sorted(FOLDER.glob("*.toml")),
+    *(
+        pytest.param(file, marks=pytest.mark.nightly)  # of one algorithm, and settings of its own
+        for file in sorted(FOLDER.rglob("*/*.toml"))
+    ),
+]
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)

@@ -11,6 +11,8 @@ from twinscrew.runtime.settings import CONFIG_DIR
 from twinscrew.training.evaluate import evaluate, open_policy
 from twinscrew.training.scenarios import six_settings
 
+pytestmark = pytest.mark.slow
+
 FILES = sorted((CONFIG_DIR / "policies").glob("*.onnx"))
 EVERY = pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 

@@ -8,6 +8,8 @@ import pytest
 from tests.harness.commands import as_json, start, twinscrew
 from tests.harness.waiting import wait_until
 
+pytestmark = pytest.mark.slow
+
 KEYS = {"success", "seed", "vessels", "latency_ms", "real_time_factor", "decisions_sha256"}
 VESSEL_KEYS = {"name", "outcome", "travel_time_s", "closest_approach_m", "decisions"}
 

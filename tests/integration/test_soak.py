@@ -10,7 +10,8 @@ import pytest
 from tests.harness.commands import as_json, twinscrew
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
+@pytest.mark.realtime
 def test_half_a_minute_is_sailed_sampled_and_reported(tmp_path: Path) -> None:
     folder = tmp_path / "soak"
     done = twinscrew("soak", "--minutes", 0.5, "--seed", 2, "--out", folder, "--json")

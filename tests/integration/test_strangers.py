@@ -12,6 +12,8 @@ from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotS
 from twinscrew.hil_sim.drivers.processes import free_port
 from twinscrew.runtime.vessel import consent
 
+pytestmark = pytest.mark.slow
+
 HOST = "127.0.0.1"
 STRANGER = (b"12345", b"\xfd" * 5)
 

@@ -1,6 +1,7 @@
 """A whole training run, small: gathered, learnt, evaluated, saved, killed, resumed, exported."""
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -18,6 +19,8 @@ from twinscrew.training.scenarios import six_settings
 from twinscrew.training.settings import load_training
 from twinscrew.training.train import Training, train
 
+pytestmark = pytest.mark.slow
+
 CONFIG = """
 parallel_episodes = 8
 warm_up = 200
@@ -28,6 +31,7 @@ evaluate_every = 20
 evaluation_episodes = 2
 [agent]
 algorithm = "ac_iqn"
+precision = "float32"
 [agent.network]
 object_width = 16
 feature_width = 32
@@ -65,19 +69,33 @@ def _one_thread():
     torch.set_num_threads(1)
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def _one_setting(monkeypatch):
     """Validate in the first of the six settings alone: what is tested lies elsewhere."""
     monkeypatch.setattr(evaluate, "six_settings", lambda: six_settings()[:1])
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A run to its end, validated in all six settings: where it was made, and what it is."""
+    folder = tmp_path_factory.mktemp("whole")
+    return folder, trained(folder / "run", written(folder))
+
+
+@pytest.fixture
+def finished(whole, tmp_path):
+    """A copy of it, for what goes on with it: its file and its folder."""
+    shutil.copytree(whole[0], tmp_path, dirs_exist_ok=True)
+    return tmp_path / "small.toml", tmp_path / "run"
 
 
 def weights(training):
     return torch.cat([p.flatten() for p in training.agent.average_actor.parameters()])
 
 
-def test_a_run_logs_evaluates_and_saves(tmp_path):
-    training = trained(tmp_path / "run", written(tmp_path))
-    log = runs.read_records(tmp_path / "run" / runs.LOG)
+def test_a_run_logs_evaluates_and_saves(whole):
+    folder, training = whole
+    log = runs.read_records(folder / "run" / runs.LOG)
     assert [r["event"] for r in (log[0], log[-1])] == ["start", "end"]
     evaluations = [r for r in log if r["event"] == "evaluation"]
     assert [r["step"] for r in evaluations] == [20, 40, 60]
@@ -85,41 +103,38 @@ def test_a_run_logs_evaluates_and_saves(tmp_path):
     assert all(len(r["rates"]) == 6 for r in evaluations)
     assert training.agent.settings.risk == 0.5
     assert 15 <= training.agent.updates <= 30
-    assert list((tmp_path / "run" / "tensorboard").glob("events*"))
+    assert list((folder / "run" / "tensorboard").glob("events*"))
 
 
-def test_the_same_seed_gives_the_same_policy_and_another_another(tmp_path):
-    file = written(tmp_path)
-    one, same, other = (trained(tmp_path / n, file, s) for n, s in (("a", 0), ("b", 0), ("c", 1)))
+def test_the_same_seed_gives_the_same_policy_and_another_another(whole, tmp_path):
+    _, one = whole
+    same, other = (trained(tmp_path / f"{s}", written(tmp_path), s) for s in (0, 1))
     assert torch.equal(weights(one), weights(same))
     assert not torch.equal(weights(one), weights(other))
 
 
-def test_a_finished_run_takes_further_phases_from_where_it_ended(tmp_path):
-    first = trained(tmp_path / "run", written(tmp_path))
-    longer = tmp_path / "small.toml"
+def test_a_finished_run_takes_further_phases_from_where_it_ended(whole, finished):
+    longer, folder = finished
     longer.write_text(longer.read_text() + '[[phases]]\nname = "third"\nsteps = 20\n')
-    second = trained(tmp_path / "run", longer)
-    assert second.step == first.step + 20
-    assert second.agent.updates > first.agent.updates
+    second = trained(folder, longer)
+    assert second.step == whole[1].step + 20
+    assert second.agent.updates > whole[1].agent.updates
 
 
-def test_a_run_of_before_a_setting_existed_goes_on(tmp_path):
-    file = written(tmp_path)
-    first = trained(tmp_path / "run", file)
-    config = tmp_path / "run" / runs.CONFIG
-    told = json.loads(config.read_text())
+def test_a_run_of_before_a_setting_existed_goes_on(whole, finished):
+    file, folder = finished
+    told = json.loads((folder / runs.CONFIG).read_text())
     del told["settings"]["priority"]
-    config.write_text(json.dumps(told))
-    assert trained(tmp_path / "run", file).step == first.step
+    (folder / runs.CONFIG).write_text(json.dumps(told))
+    assert trained(folder, file).step == whole[1].step
 
 
-def test_a_directory_of_another_configuration_is_refused(tmp_path):
-    trained(tmp_path / "run", written(tmp_path))
-    with pytest.raises(ConfigError, match="another configuration"):
-        trained(tmp_path / "run", written(tmp_path, second=30))
+def test_a_directory_of_another_configuration_is_refused(finished):
+    file, folder = finished
     with pytest.raises(ConfigError, match="another configuration or seed"):
-        trained(tmp_path / "run", written(tmp_path), seed=5)
+        trained(folder, file, seed=5)
+    with pytest.raises(ConfigError, match="another configuration"):
+        trained(folder, written(file.parent, second=30))
 
 
 class KilledError(Exception):
@@ -132,7 +147,6 @@ def log_of(folder):
     return [{k: v for k, v in r.items() if k not in ("time", "seconds")} for r in log]
 
 
-@pytest.mark.usefixtures("_one_setting")
 @pytest.mark.parametrize("killed_at", [27, 47])
 def test_a_run_that_was_cut_off_becomes_the_run_that_was_not(tmp_path, killed_at, monkeypatch):
     file = written(tmp_path)
@@ -155,10 +169,8 @@ def test_a_run_that_was_cut_off_becomes_the_run_that_was_not(tmp_path, killed_at
     assert log_of(tmp_path / "cut") == log_of(tmp_path / "whole")
 
 
-@pytest.mark.usefixtures("_one_setting")
 def test_seeds_that_train_together_become_those_that_train_alone(tmp_path):
     file = written(tmp_path)
-    file.write_text(file.read_text().replace("[agent]", "[agent]\nbfloat16 = false"))
     alone = [trained(tmp_path / f"alone_{seed}", file, seed) for seed in (0, 1)]
     settings = load_training(file)
     both = [Training(settings, seed, tmp_path / f"seed_{seed}", "cpu") for seed in (0, 1)]
@@ -178,7 +190,6 @@ def test_seeds_that_train_together_become_those_that_train_alone(tmp_path):
     assert first.step == 60
 
 
-@pytest.mark.usefixtures("_one_setting")
 def test_runs_that_are_not_equally_far_do_not_train_together(tmp_path):
     file = written(tmp_path)
     trained(tmp_path / "seed_0", file)
@@ -236,7 +247,8 @@ def test_a_run_that_is_asked_to_stop_saves_says_where_and_goes_on(tmp_path):
 
 
 @pytest.mark.parametrize("name", [runs.LATEST, runs.CHECKPOINT])
-def test_whatever_a_run_has_saved_can_be_exported_and_sailed(tmp_path, name, capsys):
+def test_whatever_a_run_has_saved_can_be_exported_and_sailed(tmp_path, name, capsys, monkeypatch):
+    monkeypatch.setattr(evaluate, "six_settings", six_settings)  # for the card
     run = tmp_path / "run" / "seed_0"
     training = Training(load_training(written(tmp_path)), 0, run)
     with runs.locked(run), training.opened():

@@ -34,7 +34,7 @@ from twinscrew.hil_sim.sitl import SitlSettings, sail
 from twinscrew.hil_sim.viewer.scene import write_scene
 from twinscrew.runtime.policy.colregs import ColregsSettings, in_crossing_zone, in_head_on_zone
 
-pytestmark = wants_chromium
+pytestmark = [pytest.mark.slow, wants_chromium]
 
 
 @pytest.fixture(scope="module")
@@ -291,7 +291,6 @@ def test_the_sparkline_is_drawn_to_the_scale_of_its_largest_value(page, viewer):
     assert low[0] > 0.6, "less than a millisecond is not blown up"
 
 
-@pytest.mark.slow
 def test_a_run_in_real_time_is_seen_as_it_sails(page, tmp_path):
     command = [sys.executable, "-m", "twinscrew.runtime.cli", "sitl", "--scenario", "crossing"]
     command += ["--max-time", "12", "--out", str(tmp_path / "run"), "--view", "--port", "0"]

@@ -21,7 +21,9 @@ from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import BusError, ConfigError
 from twinscrew.runtime.messages import cdr
 
-PATIENCE_S = 30.0
+pytestmark = pytest.mark.slow
+
+PATIENCE_S = 200.0
 
 
 @pytest.fixture(scope="module")

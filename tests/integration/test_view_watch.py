@@ -35,7 +35,7 @@ from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.recording.recording import find_recordings
 from twinscrew.runtime.safety.explain import closest_approach
 
-pytestmark = wants_chromium
+pytestmark = [pytest.mark.slow, wants_chromium]
 WATCH_WORDS = """
     window.words = [];
     const write = CanvasRenderingContext2D.prototype.fillText;
@@ -219,7 +219,6 @@ def test_a_lost_connection_says_what_can_be_done(page, one):
     assert command == f"twinscrew view --replay {one} --port {viewer.port}"
 
 
-@pytest.mark.slow
 def test_a_run_in_real_time_goes_over_into_its_replay_with_the_result(page, tmp_path):
     command = [sys.executable, "-m", "twinscrew.runtime.cli", "sitl", "--vessels", "1"]
     command += ["--buoys", "2", "--seed", "3", "--out", str(tmp_path / "run")]

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 GREATEST_MB = 1.0
 
@@ -26,7 +28,6 @@ def wheel(tmp_path_factory):
     return built
 
 
-@pytest.mark.slow
 def test_it_carries_the_runtime_and_its_configuration_and_nothing_else(wheel):
     names = zipfile.ZipFile(wheel).namelist()
     inside = {name.split("/")[1] for name in names if name.startswith("twinscrew/")}
@@ -45,7 +46,6 @@ def test_it_carries_the_runtime_and_its_configuration_and_nothing_else(wheel):
     assert wheel.stat().st_size < 1e6 * GREATEST_MB
 
 
-@pytest.mark.slow
 def test_it_carries_every_module_of_the_runtime(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
     modules = (ROOT / "runtime").rglob("*.py")

@@ -180,9 +180,9 @@ def test_a_message_larger_than_any_of_its_topic_is_counted_and_thrown_away(simul
             largest = TOPICS[topic].largest_b
             simulator.publish(topic, bytes(largest + 1))
             simulator.publish(topic, bytes(largest))
-        assert [len(m.payload) for m in gather(inbox, 2)] == [
-            TOPICS[topic].largest_b for topic in ("odometry", "route")
-        ]
+        assert {m.topic: len(m.payload) for m in gather(inbox, 2)} == {
+            topic: TOPICS[topic].largest_b for topic in ("odometry", "route")
+        }
         assert boat.missing == {"odometry too large": 1, "route too large": 1}
     finally:
         boat.close()
@@ -229,14 +229,16 @@ def router(endpoint):
         process.stdin.close()
 
 
-def test_clients_that_meet_at_a_router_meet_again_when_it_was_killed_and_started_anew(endpoint):
+@pytest.mark.parametrize("boat", ["client", "peer"])
+def test_those_who_meet_at_a_router_meet_again_when_it_was_killed_and_started_anew(endpoint, boat):
     ends, inbox = [], Inbox()
-    settings = ZenohSettings(mode="client", connect=(endpoint,))
+    modes = [boat, "client"]  # a router passes nothing on between peers
     try:
         for time in range(3):
             with router(endpoint):
                 while len(ends) < 2:  # a client needs the router at once: it may still be starting
                     with suppress(BusError):
+                        settings = ZenohSettings(mode=modes[len(ends)], connect=(endpoint,))
                         ends.append(ZenohBus(settings, "wamv1"))
                 if time == 0:
                     inbox.listen(ends[0], ("goal",))

@@ -1,6 +1,8 @@
 import numpy as np
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from tests.harness.work import examples
 
 from twinscrew.runtime.geometry import quaternion_from_euler, rotation_2d
 from twinscrew.runtime.messages.types import Float64, Odometry, Tracks
@@ -92,7 +94,8 @@ PLACE = st.tuples(st.floats(6.0, 12.0), st.floats(-np.pi, np.pi)).map(
 PLACES = st.lists(PLACE, min_size=1, max_size=3).map(np.array)
 
 
-@settings(max_examples=60, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=examples(60), deadline=None)
 @given(PLACES, st.one_of(RATES, RECKLESS))
 @example(np.array([[5.26549537, -2.87655323]]), [(0.0, 465.0)] * 21)  # creeps up to it
 def test_no_policy_can_run_a_vessel_into_a_buoy(p_N, rates):
@@ -104,7 +107,8 @@ WIND = st.tuples(st.floats(0.0, 60.0), st.floats(-np.pi, np.pi)).map(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=examples(60), deadline=None)
 @given(PLACES, st.one_of(RATES, RECKLESS), WIND)
 @example(np.array([[6.0, 0.0]]), [(0.0, 0.0)] * 60, (50.0, 0.0))  # only drifts
 @example(np.array([[0.0, 6.0]]), [(0.0, 0.0)] * 60, (0.0, 50.0))  # beam on
@@ -130,7 +134,7 @@ def test_without_it_the_same_recklessness_ends_on_the_buoy():
     assert np.min(Voyage(p_N, ahead).gaps) > 0.0
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(PLACES, RATES)
 def test_a_manoeuvre_respects_the_propellers_limits(p_N, rates):
     voyage = Voyage(p_N, rates)
@@ -142,14 +146,15 @@ def test_a_manoeuvre_respects_the_propellers_limits(p_N, rates):
     assert np.all(change[overridden[1:]] <= 100.0 + 1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=examples(30), deadline=None)
 @given(PLACES, RATES)
 def test_the_same_inputs_give_the_same_bits(p_N, rates):
     first, again = Voyage(p_N, rates), Voyage(p_N, rates)
     assert np.array(first.thrusts).tobytes() == np.array(again.thrusts).tobytes()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(PLACES, RATES, st.floats(-np.pi, np.pi), st.floats(-500.0, 500.0))
 def test_the_verdict_does_not_care_where_north_is(p_N, rates, angle, away):
     """The same scene turned and shifted gives the same thrust, to rounding."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import pytest
 from hypothesis import note
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
@@ -294,4 +295,4 @@ class Afternoon(RuleBasedStateMachine):
             assert not self.authority.asks_manual
 
 
-TestAfternoon = Afternoon.TestCase
+TestAfternoon = pytest.mark.slow(Afternoon.TestCase)

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from tests.harness.work import examples
 
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.messages import cdr
@@ -95,7 +96,7 @@ def test_goals_come_back(stamp_ns, north, east):
     assert (read.stamp_ns, *read.position_N) == (stamp_ns, north, east)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(
     points_S=hnp.arrays(
         np.float32, st.tuples(st.integers(0, 50), st.just(3)), elements=st.floats(width=32)

@@ -3,9 +3,11 @@
 import functools
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.harness.boat import Boat, cloud, feed, make_pipeline, odometry, stamp
+from tests.harness.work import examples
 
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.world import make_world
@@ -94,7 +96,8 @@ def check(decision: Decision) -> None:
     assert (decision.thrust <= 1000.0).all()
 
 
-@settings(max_examples=200, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=examples(200), deadline=None)
 @given(story=STORIES)
 def test_the_core_never_raises_and_its_thrust_is_always_one_that_propellers_can_give(
     story: list[tuple[str, bytes]],
@@ -110,7 +113,8 @@ def test_the_core_never_raises_and_its_thrust_is_always_one_that_propellers_can_
             check(out.decision)
 
 
-@settings(max_examples=25, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=examples(25), deadline=None)
 @given(story=STORIES, seconds=st.floats(0.5, 3.0))
 def test_a_boat_stays_within_its_limits_and_sails_on_after_any_rubbish(
     story: list[tuple[str, bytes]], seconds: float
@@ -126,7 +130,8 @@ def test_a_boat_stays_within_its_limits_and_sails_on_after_any_rubbish(
     assert boat.moves
 
 
-@settings(max_examples=15, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=examples(15), deadline=None)
 @given(data=st.data())
 def test_a_line_that_damages_loses_and_repeats_never_stops_the_loop(data: st.DataObject) -> None:
     generator = data.draw(st.randoms(use_true_random=False))

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.harness.work import examples
 
 from twinscrew.training import physics as contacts
 from twinscrew.training.environment import EnvironmentSettings, VectorEnv
@@ -26,7 +28,8 @@ POOR = ImperfectionSettings(
 )
 
 
-@settings(max_examples=25, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=examples(25), deadline=None)
 @given(
     seed=st.integers(0, 2**32),
     conditions=st.sampled_from([CALM, ROUGH]),
@@ -78,7 +81,7 @@ def test_observations_and_rewards_stay_sound(
         assert (np.abs(env.state.heading) < 100).all()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(seed=st.integers(0, 2**32), spread=st.floats(4.0, 40.0), speed=st.floats(0.0, 20.0))
 def test_the_broad_phase_never_misses_a_contact(seed: int, spread: float, speed: float) -> None:
     generator = np.random.default_rng(seed)

@@ -7,6 +7,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.harness.circling import EPOCH_NS, WITH_DATUM
+from tests.harness.work import examples
 
 from twinscrew.runtime.estimation.estimator import Estimator
 from twinscrew.runtime.geometry import quaternion_from_euler
@@ -42,7 +43,7 @@ FIXES = st.builds(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(st.lists(st.one_of(IMUS, IMUS, FIXES), max_size=60))
 def test_nothing_makes_it_raise_or_give_what_is_no_number(messages):
     estimator = Estimator(WITH_DATUM)

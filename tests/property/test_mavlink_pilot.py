@@ -1,7 +1,9 @@
 """Whatever happens, in whatever order: a pilot's choice wins."""
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.harness.work import examples
 
 from twinscrew.hil_sim.autopilot.endpoint import RoverAutopilot, RoverAutopilotSettings
 from twinscrew.hil_sim.autopilot.rover import Mode, RoverSettings
@@ -47,7 +49,8 @@ class Afternoon:
         self.link.events(self.now_s)
 
 
-@settings(max_examples=60, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=examples(60), deadline=None)
 @given(STORIES, st.booleans())
 def test_hold_and_disarmed_by_a_pilot_stay_so_until_he_says_otherwise(story, receiver):
     day = Afternoon(receiver=receiver)
@@ -64,7 +67,8 @@ def test_hold_and_disarmed_by_a_pilot_stay_so_until_he_says_otherwise(story, rec
             assert not thrust.any() or (rover.armed and rover.mode is Mode.MANUAL)
 
 
-@settings(max_examples=20, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=examples(20), deadline=None)
 @given(STORIES)
 def test_once_the_line_is_mended_and_the_pilot_gives_manual_the_boat_sails(story):
     day = Afternoon(receiver=False)

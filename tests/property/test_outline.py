@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.harness.work import examples
 from tests.reference import free_water as water_reference
 from tests.reference import outline as outline_reference
 
@@ -64,7 +65,7 @@ def scene(rng: np.random.Generator, s: Sensor) -> np.ndarray:
     pitch=st.floats(-0.4, 0.4),
     yaw=st.floats(-3.0, 3.0),
 )
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=examples(80), deadline=None)
 def test_the_outline_is_that_of_the_plain_reference(
     seed: int, columns: int, wraps: bool, mount: Mount, roll: float, pitch: float, yaw: float
 ) -> None:
@@ -127,7 +128,7 @@ def water_of(sights: np.ndarray, **other: object) -> FreeWater:
     guard=st.floats(0.0, 0.3),
     margin=st.floats(0.01, 2.0),
 )
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=examples(80), deadline=None)
 def test_the_free_water_is_that_of_the_plain_reference(
     seed: int, sectors: int, share: float, guard: float, margin: float
 ) -> None:
@@ -168,7 +169,7 @@ def ring(away_m: float, sectors: int = 720) -> np.ndarray:
     height_m=st.floats(0.5, 4.0),
     least_m=st.sampled_from([-math.inf, -0.2, 0.11]),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 def test_a_place_is_free_where_a_beam_passes_over_it_low_enough_and_not_too_low(
     seed: int, beams: int, roll: float, pitch: float, height_m: float, least_m: float
 ) -> None:
@@ -264,6 +265,7 @@ def test_every_place_that_is_asked_for_needs_a_height(count: int) -> None:
         water_of(ring(20.0)).ask(np.zeros((2, 2)), np.zeros(count), 0.5)
 
 
+@pytest.mark.slow
 def test_sectors_may_be_finer_than_any_sensors() -> None:
     water = water_of(ring(10.0, 8), sector=1e-9, guard=0.5)
     answers, _ = water.ask(np.array([[9.0, 0.0], [11.0, 0.0]]), np.zeros(2), 0.5)

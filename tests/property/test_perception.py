@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import structs
+from tests.harness.work import examples
 from tests.reference import segmentation as reference
 
 from twinscrew.hil_sim.bench.numpy_segmentation import labels as numpy_labels
@@ -80,7 +81,7 @@ def test_the_criterion_without_trigonometry_is_the_papers(
         assert (beta > theta) == (far < k * near)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     sensor=st.sampled_from([ALL_ROUND, UNEVEN]),
@@ -109,7 +110,7 @@ def test_the_kernel_finds_the_clusters_of_the_plain_reference(
     assert count == len(np.unique(labels[labels >= 0]))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), sensor=st.sampled_from([ALL_ROUND, UNEVEN]))
 def test_points_anywhere_go_to_the_cell_that_trigonometry_says(seed: int, sensor: Sensor) -> None:
     rng = np.random.default_rng(seed)
@@ -138,7 +139,7 @@ def nearly(point: np.ndarray) -> np.ndarray:
     return np.array([(x, y, z), *beside, *above])
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), columns=st.integers(1, 119))
 def test_turning_the_sensor_turns_the_objects(seed: int, columns: int) -> None:
     rng = np.random.default_rng(seed)
@@ -160,7 +161,7 @@ def test_turning_the_sensor_turns_the_objects(seed: int, columns: int) -> None:
     assert after.points[order].tolist() == before.points.tolist()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_the_order_of_the_points_does_not_matter(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -173,7 +174,7 @@ def test_the_order_of_the_points_does_not_matter(seed: int) -> None:
     assert before.points.tobytes() == after.points.tobytes()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30), deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_noise_far_away_adds_no_object(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -190,7 +191,7 @@ def test_noise_far_away_adds_no_object(seed: int) -> None:
 ODD = [0.0, -0.0, 1e-45, 1e-38, 1e-20, 1e20, 3e38, np.nan, np.inf, -np.inf, 1.0, -7.0]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(
     values=st.lists(st.sampled_from(ODD), min_size=0, max_size=90),
     sensor=st.sampled_from([ALL_ROUND, UNEVEN]),
@@ -210,7 +211,7 @@ def test_odd_numbers_are_counted_and_give_finite_objects(
     assert objects.points.sum() == r.used
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     sensor=st.sampled_from([ALL_ROUND, UNEVEN]),

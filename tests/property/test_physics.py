@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.harness.work import examples
 from tests.reference import energy, vessel_step
 from tests.reference.sailing import NO_WAVES, calm, paper_sea, sail
 
@@ -22,7 +23,7 @@ NO_AIR = replace(WAM_V, windage=replace(WAM_V.windage, along=0.0, across=0.0, ya
 ZEROS = (0.0,) * 6
 
 seeds = st.integers(0, 2**32 - 1)
-few = settings(max_examples=25, deadline=None)
+few = settings(max_examples=examples(25), deadline=None)
 
 
 def random_state(seed: int, count: int = 4, tilt: float = 0.3) -> VesselState:
@@ -159,6 +160,7 @@ def total_energy(vessel, state):
     return energy.kinetic(vessel, state) + energy.potential(vessel, state)
 
 
+@pytest.mark.slow
 @few
 @given(seeds)
 def test_on_still_water_without_thrust_energy_only_decreases(seed):
@@ -172,6 +174,7 @@ def test_on_still_water_without_thrust_energy_only_decreases(seed):
     assert left[-1] < 0.5 * left[0]
 
 
+@pytest.mark.slow
 @few
 @given(seeds)
 def test_without_drag_energy_is_kept_to_the_order_of_the_step(seed):
@@ -195,6 +198,7 @@ def in_nothing():
     return replace(NO_AIR, linear_drag=ZEROS, quadratic_drag=ZEROS, buoyancy=buoyancy)
 
 
+@pytest.mark.slow
 @few
 @given(seeds)
 def test_without_any_force_momentum_is_kept_to_the_order_of_the_step(seed):

@@ -3,8 +3,10 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from tests.harness.work import examples
 from tests.reference.flat_world import Eye, scans, ship, wall, watch
 
 ANGLE = st.floats(-math.pi, math.pi)
@@ -20,7 +22,8 @@ LEAST_AWAY_M = 1.0
 """[m] The boat does not touch what is beside it."""
 
 
-@settings(max_examples=60, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=examples(60), deadline=None)
 @given(
     away_m=st.floats(2.0, 18.0),
     speed=st.floats(0.0, 4.0),
@@ -46,7 +49,8 @@ def test_no_straight_path_moves_a_wall(away_m, speed, course, heading, turn_radp
         assert answer[0] <= {None, True}
 
 
-@settings(max_examples=60, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=examples(60), deadline=None)
 @given(
     bearing=ANGLE,
     away_m=st.floats(5.0, 15.0),

@@ -5,6 +5,7 @@ import math
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from tests.harness.work import examples
 
 from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.ground.orders import FollowRoute, GoTo, OrderSettings, Relative
@@ -59,7 +60,7 @@ def messages(draw):
     return kind(**values)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=examples(80), deadline=None)
 @given(st.lists(messages(), max_size=8))
 def test_nothing_that_is_said_breaks_it_and_no_goal_is_out_of_reach(said) -> None:
     limits = OrderSettings()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.harness.work import examples
 from tests.reference.measurement import depth
 
 from twinscrew.runtime.geometry import rotation_2d
@@ -43,7 +44,7 @@ def track(turn=0.0, shift=(0.0, 0.0), order=slice(None)):
     return answer
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(15), deadline=None)
 @given(
     turn=st.floats(-math.pi, math.pi),
     shift=st.tuples(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4)),
@@ -57,7 +58,7 @@ def test_a_turned_and_shifted_world_turns_and_shifts_the_tracks(turn, shift):
 
 
 @given(order=st.permutations(range(3)))
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=examples(6), deadline=None)
 def test_the_order_of_the_objects_does_not_matter(order):
     def rows(answer):
         table = np.column_stack([answer.p_N, answer.v_N, answer.radius])
@@ -66,7 +67,7 @@ def test_the_order_of_the_objects_does_not_matter(order):
     assert rows(track(order=list(order))) == pytest.approx(rows(track()), abs=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 @given(
     places=st.lists(
         st.tuples(st.floats(-20, 20), st.floats(-20, 20), st.floats(0, 5)), min_size=0, max_size=12
@@ -85,6 +86,7 @@ def test_no_scene_and_no_clock_makes_the_tracks_wrong_in_kind(places, stamps):
             assert np.linalg.eigvalsh(P).min() > 0.0
 
 
+@pytest.mark.slow
 def test_the_tracker_knows_its_errors_where_its_model_is_true():
     """The normalised errors squared of 150 runs drawn from the model: mean 4, within its band.
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.harness.work import examples
 from tests.reference import shift as shift_reference
 from tests.reference import strips as strips_reference
 
@@ -52,7 +53,7 @@ def scene(rng: np.random.Generator, s: Sensor) -> np.ndarray:
 
 
 @given(seed=st.integers(0, 10**6), wraps=st.booleans())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 def test_the_strips_are_those_of_the_plain_reference(seed: int, wraps: bool) -> None:
     s = sensor(wraps)
     points_S = scene(np.random.default_rng(seed), s)
@@ -79,7 +80,7 @@ def hull(rng: np.random.Generator, count: int) -> np.ndarray:
 
 
 @given(seed=st.integers(0, 10**6), count=st.integers(0, 12), fresh=st.integers(0, 5))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 def test_the_shift_is_that_of_the_plain_reference(seed: int, count: int, fresh: int) -> None:
     rng, rules = np.random.default_rng(seed), HullVelocitySettings()
     before, centre = hull(rng, count), np.array([1000.0, -500.0])

@@ -20,6 +20,7 @@ import numpy as np
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.sitl import SitlSettings, sail
 from twinscrew.runtime.bus.base import Received
+from twinscrew.runtime.files import processor
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.recording.recorder import software
 from twinscrew.runtime.recording.recording import Recording, find_recordings
@@ -112,12 +113,10 @@ def record(folder: Path = FOLDER) -> None:
 def machine() -> dict[str, Any]:
     """Say what the bits may depend on, besides the source: processor, C library, packages."""
     words = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    facts = dict(
-        tuple(part.strip() for part in line.split(":", 1)) for line in words if ":" in line
-    )
-    flags = facts.get("flags", facts.get("Features", ""))
+    line = next(line for line in words if line.startswith(("flags", "Features")))
+    flags = line.partition(":")[2].strip()
     return {
-        "cpu": facts.get("model name", platform.processor()),
+        "cpu": processor(),
         "cpu_flags_sha256": hashlib.sha256(flags.encode()).hexdigest(),
         "architecture": platform.machine(),
         "libc": " ".join(platform.libc_ver()),

@@ -15,6 +15,8 @@ from twinscrew.runtime.messages import cdr
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 MANY_THREADS = {"OMP_NUM_THREADS": "4", "OPENBLAS_NUM_THREADS": "4", "MKL_NUM_THREADS": "4"}
 
+AT_NIGHT = [pytest.param(case, marks=pytest.mark.nightly) for case in ("apf", "assured")]
+
 
 @pytest.fixture(scope="module")
 def expected() -> dict[str, str]:
@@ -83,12 +85,17 @@ def test_on_one_core_and_on_two(case: str, cores: int, expected: dict[str, str])
     assert elsewhere(case, MANY_THREADS, cores=cores) == expected[case]
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "case",
+    ["ac_iqn", *(pytest.param(one, marks=pytest.mark.nightly) for one in ("apf", "assured"))],
+)
 def test_while_the_machine_is_busy(case: str, expected: dict[str, str]) -> None:
     with busy_machine(processes=3):
         assert elsewhere(case) == expected[case]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_with_other_numbers_of_threads_in_the_numerical_libraries(
     case: str, expected: dict[str, str]

@@ -115,6 +115,7 @@ def test_a_replay_says_which_part_of_the_recording_is_not_there(
     assert "its beginning is missing" in " ".join(capsys.readouterr().out.split())
 
 
+@pytest.mark.slow
 def test_every_vessel_of_a_run_decides_the_same_again(run: tuple[Path, str]) -> None:
     folder, sha256 = run
     replays = [replay(recording) for recording in find_recordings(folder)]

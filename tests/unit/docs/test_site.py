@@ -29,6 +29,7 @@ def pages(stage, tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_every_page_of_ours_can_be_reached(pages):
     named = set(re.findall(r"(\S+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE))
     laid_out = {path.relative_to(pages).as_posix() for path in pages.rglob("*.md")}

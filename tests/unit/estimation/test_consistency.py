@@ -70,6 +70,7 @@ def nees(looks, states):
     return [float(e[states] @ np.linalg.solve(P[part], e[states])) for e, P in looks]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "states",
     [HORIZONTAL, [3, 4], [6, 7], [8], [9, 10], [11], [12, 13], [0, 1, 3, 4, 6, 7, 8, 9, 10, 11]],

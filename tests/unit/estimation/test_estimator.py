@@ -74,6 +74,7 @@ def test_without_a_datum_the_first_fix_is_the_origin():
     assert abs(east) < 1.0
 
 
+@pytest.mark.slow
 def test_noise_is_filtered_and_biases_are_learned():
     boat = Circling(imu=ImuSettings(), gps=NOISY_GPS).sail(60.0)
     p, v = (np.array(errors) for errors in zip(*boat.errors(skip_s=20.0), strict=True))
@@ -83,6 +84,7 @@ def test_noise_is_filtered_and_biases_are_learned():
     np.testing.assert_allclose(gyro_bias, boat._imu.gyro.bias, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_fixes_that_come_late_are_used_for_their_own_time():
     prompt = Circling().sail(15.0).worst(skip_s=8.0)
     late = Circling(delay_s=0.2).sail(15.0).worst(skip_s=8.0)
@@ -104,6 +106,7 @@ def test_a_fix_from_the_imus_future_waits_for_it():
     assert max(float(np.hypot(*e[:2])) for e in errors) < 0.35
 
 
+@pytest.mark.slow
 def test_while_fixes_are_missing_it_coasts_and_says_so_every_second():
     boat = Circling(imu=ImuSettings(), gps=NOISY_GPS, spoil_fix=lasts(20.0, 23.0)).sail(30.0)
     told_s = [(event.stamp_ns - EPOCH_NS) * 1e-9 for event in boat.named("gps_lost")]
@@ -122,6 +125,7 @@ def test_a_receiver_that_says_it_has_no_fix_is_a_receiver_that_is_silent():
     assert boat.named("gps_back")
 
 
+@pytest.mark.slow
 def test_when_the_position_is_too_uncertain_there_is_no_odometry_until_fixes_are_back():
     boat = Circling(imu=ImuSettings(), gps=NOISY_GPS, spoil_fix=lasts(20.0, 60.0)).sail(65.0)
     (lost,) = boat.named("estimate_lost")
@@ -133,6 +137,7 @@ def test_when_the_position_is_too_uncertain_there_is_no_odometry_until_fixes_are
     assert (boat.odometry[-1].stamp_ns - EPOCH_NS) * 1e-9 == pytest.approx(65.0, abs=0.06)
 
 
+@pytest.mark.slow
 def test_it_knows_how_uncertain_it_becomes():
     """The error when it gives up is of the order of the limit, over many boats."""
     settings = EstimationSettings(datum=DATUM, usable_sigma_m=1.0)

@@ -55,6 +55,7 @@ def test_no_task_is_lost_or_done_twice_when_workers_are_killed(tmp_path: Path) -
     assert {mark.name for mark in tmp_path.iterdir()} == {"2", "5"}  # both did die
 
 
+@pytest.mark.slow
 def test_a_task_that_kills_every_worker_is_given_up_and_what_was_done_is_kept() -> None:
     results = in_parallel(die, range(4), 2)
     assert [next(results), next(results)] == [0, 1]

@@ -19,6 +19,7 @@ def sailed():
     return sail_episode(task())
 
 
+@pytest.mark.slow
 def test_an_episode_is_what_sitl_sails_bit_for_bit(sailed) -> None:
     report = sail(load_scenario("head_on", seed=3), SitlSettings(seed=3, lockstep=True))
     assert sailed.record.decisions_sha256 == report.sha256
@@ -40,6 +41,7 @@ def test_an_episode_can_be_sailed_again_and_gives_the_same(sailed) -> None:
     assert again.vessels == sailed.record.vessels
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "switches",
     [
@@ -58,6 +60,7 @@ def test_every_switch_changes_what_is_decided(sailed, switches) -> None:
     assert record.variant == switches[0]
 
 
+@pytest.mark.slow
 def test_chance_does_what_its_seed_says() -> None:
     first, again = (sail_episode(task("random", episode=k)).record for k in (0, 1))
     assert first.decisions_sha256 == again.decisions_sha256
@@ -65,6 +68,7 @@ def test_chance_does_what_its_seed_says() -> None:
     assert other.decisions_sha256 != first.decisions_sha256
 
 
+@pytest.mark.slow
 def test_without_the_assurance_nobody_intervenes() -> None:
     bare = sail_episode(task("random", switches=("no_assurance",))).record
     assert [vessel.interventions for vessel in bare.vessels] == [0, 0]

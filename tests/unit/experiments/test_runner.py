@@ -17,6 +17,7 @@ def asked(**changes) -> Experiment:
     )
 
 
+@pytest.mark.slow
 def test_progress_begins_with_what_was_there_before(tmp_path: Path) -> None:
     folder, told = tmp_path / "out", []
     begin(folder, asked())

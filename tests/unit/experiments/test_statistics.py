@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twinscrew.hil_sim.experiments.summary import (
-    Z95,
     bootstrap_mean,
     holm,
     mcnemar,
@@ -14,6 +13,9 @@ from twinscrew.hil_sim.experiments.summary import (
     percentiles,
     wilson,
 )
+
+Z95 = 1.959963984540054
+"""[-] The 97.5 % quantile of the normal distribution."""
 
 
 @given(st.integers(1, 300).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))

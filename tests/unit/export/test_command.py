@@ -51,6 +51,7 @@ def file(run_dir, tmp_path_factory):
     return out
 
 
+@pytest.mark.slow
 def test_the_runtime_accepts_the_file(file, run_dir):
     policy = OnnxPolicy(file)
     assert policy.name == "ac_iqn"
@@ -103,6 +104,7 @@ def test_a_run_without_that_checkpoint_is_refused(run_dir, tmp_path):
         export(run_dir, tmp_path / "p.onnx", None, 1, 0, last=True, json_=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("asked", "level"), [(None, 0.25), (0.75, 0.75)])
 def test_a_conditioned_policy_holds_its_phases_level_or_the_one_asked_for(tmp_path, asked, level):
     run_dir = make_run(tmp_path / "seed_0", TOLD, agent={"risk": 0.25})

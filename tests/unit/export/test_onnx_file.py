@@ -50,6 +50,7 @@ def answers(data, inputs, risk=None):
     return torch.from_numpy(session.run(["thrust_rate"], feed)[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2, 33])
 def test_the_graph_answers_as_the_network_for_any_batch(exported, count):
     made, data = exported
@@ -119,6 +120,7 @@ def conditioned(request):
     return made, onnx_bytes(made, {"algorithm": "ac_iqn"})
 
 
+@pytest.mark.slow
 def test_a_risk_level_may_be_left_out_and_is_not_asked_for(conditioned):
     made, data = conditioned
     inputs = example_inputs(5, seed=5)

@@ -58,6 +58,7 @@ def drawn(folder: Path, name: str, steps: int) -> np.ndarray:
     return imread(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["head_on", "passage", "random"])
 def test_every_kind_of_scenario_can_be_drawn(tmp_path: Path, name: str) -> None:
     picture = drawn(tmp_path, name, 60)
@@ -117,6 +118,7 @@ def test_a_run_that_ended_at_once_can_be_drawn_and_a_longer_one_shows_more(
     assert white[1] < white[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end_s", [SNAPSHOT_S, 4 * SNAPSHOT_S - 5e-10])
 def test_a_run_that_ended_a_rounding_before_a_snapshot_can_be_drawn(
     tmp_path: Path, end_s: float

@@ -40,6 +40,7 @@ MOORED = np.array([True, False])
 PLACE = np.array([[10.0, 20.0, 0.7], [0.0, 0.0, 0.0]])
 
 
+@pytest.mark.slow
 def test_a_moored_vessel_moves_as_a_critically_damped_oscillator() -> None:
     dt, heading, speed = 0.001, 0.7, 3.3
     state, along, turned = arriving(speed, heading), [], []

@@ -23,6 +23,7 @@ def test_open_water_and_a_harbour_are_drawn(tmp_path: Path) -> None:
         assert (tmp_path / name).read_bytes().startswith(PNG)
 
 
+@pytest.mark.slow
 def test_tracks_and_truth_change_the_picture(tmp_path: Path) -> None:
     ((cloud, odometry),) = open_water(1)
     perception = Perception(load_sensor("vrx32"))

@@ -45,6 +45,28 @@ def test_every_layout_keeps_the_papers_rules(seed: int, count: tuple[int, int]) 
     assert (pairwise(circles[:, :2]) >= 1.5).all()
 
 
+QUAYS = np.array([[20.0, 0.0, 30.0, 16.0, 1.5, math.pi / 2], [35.0, 40.0, 18.0, 4.0, 1.5, 0.6]])
+
+
+def outside(places: np.ndarray, quay: np.ndarray, gap: float) -> np.ndarray:
+    """Tell which places are further than this from a box, by walking along its sides."""
+    ahead, abeam = np.meshgrid(*(np.linspace(-side / 2, side / 2, 60) for side in quay[2:4]))
+    cos, sin = math.cos(quay[5]), math.sin(quay[5])
+    box = quay[:2] + np.stack([cos * ahead - sin * abeam, sin * ahead + cos * abeam], axis=-1)
+    return to_each(places, box.reshape(-1, 2)).min(axis=1) >= gap - 1e-9
+
+
+@pytest.mark.parametrize("first", [0, 100])
+def test_nothing_is_ever_placed_on_a_quay_or_so_near_that_a_hull_touches_it(first: int) -> None:
+    for seed in range(first, first + 100):
+        rng = np.random.default_rng(seed)
+        starts, goals, circles = draw(RandomSettings(), 5, 3, rng, QUAYS)
+        for quay in QUAYS:
+            assert outside(starts[:, :2], quay, 5.0).all()
+            assert outside(goals, quay, 5.0).all()
+            assert outside(circles[:, :2], quay, 0.75).all()
+
+
 @given(seed=seeds)
 def test_starts_can_be_kept_off_the_others_goals(seed: int) -> None:
     settings = RandomSettings(start_to_other_goals_m=8.0)

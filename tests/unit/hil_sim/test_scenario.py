@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from twinscrew.hil_sim.random_scenario import from_quays
 from twinscrew.hil_sim.scenario import Scenario, load_scenario
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.settings import CONFIG_DIR
@@ -136,6 +137,16 @@ def test_a_file_that_cannot_be_used_is_refused_by_name(
     with pytest.raises(ConfigError, match=words) as caught:
         load_scenario(path)
     assert "bad.toml" in str(caught.value)
+
+
+def test_a_random_scenario_with_quays_is_never_refused_and_leaves_long_hulls_room(
+    tmp_path: Path,
+) -> None:
+    path = write(tmp_path / "harbour.toml", "[random]\nvessels = 4\nbuoys = 1\n" + QUAY)
+    for seed in range(200):
+        scenario = load_scenario(path, seed=seed, types=["workboat"])
+        for places in (scenario.starts[:, :2], scenario.goals):
+            assert (from_quays(places, scenario.quays) >= 5.0).all()
 
 
 def test_an_unknown_name_lists_the_names() -> None:

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from tests.harness.work import examples
 
 from twinscrew.runtime.ground.report import (
     SECTOR_RAD,
@@ -62,7 +63,7 @@ def test_inside_an_object_it_is_as_near_as_can_be_said_all_around() -> None:
 circle = st.tuples(st.floats(-60, 60), st.floats(-60, 60), st.floats(0.05, 8.0))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(60))
 @given(st.lists(circle, min_size=1, max_size=4))
 def test_no_sector_says_more_than_a_ray_in_it_would(circles) -> None:
     """Against rays, a hundred a sector: what is told is the least of them, and never more."""

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from tests.harness.work import examples
 
 from twinscrew.runtime.datum import Datum, from_datum_N
 from twinscrew.runtime.ground.missions import ASK_AGAIN_S, TRIES, MissionServer
@@ -103,7 +104,7 @@ item_values = st.tuples(
 )
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=examples(50), deadline=None)
 @given(st.lists(item_values, min_size=1, max_size=12))
 def test_what_is_accepted_comes_back_as_it_was_sent(values):
     near_null = Datum(latitude_deg=0.0, longitude_deg=0.0)

@@ -64,6 +64,7 @@ def test_linear_drag_alone_slows_exponentially() -> None:
     assert nu[0] == pytest.approx(2.0 * math.exp(-100.0 / 380.0 * 5.0), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_without_drag_and_thrust_the_kinetic_energy_stays() -> None:
     """C(nu) is skew-symmetric: it does no work (Fossen (2021), property 3.2)."""
     nu0 = [1.5, -0.4, 0.6]
@@ -83,6 +84,7 @@ def test_with_drag_the_energy_falls_by_the_work_of_the_drag() -> None:
     assert dt > 0
 
 
+@pytest.mark.slow
 def test_a_vessel_coasting_through_a_frictionless_turn_keeps_its_momentum() -> None:
     """Equal inertias: the velocity over ground is that of a free body, constant."""
     free = VesselParameters(

@@ -2,8 +2,9 @@ from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
-from tests.unit.report.results_folder import folder, made_up
+from tests.unit.report.results_folder import SETS, folder, made_up
 
+from twinscrew.hil_sim.experiments.plan import SetSettings
 from twinscrew.hil_sim.report.gallery import choose
 from twinscrew.hil_sim.report.material import gather
 from twinscrew.hil_sim.report.write import write_report
@@ -21,6 +22,28 @@ def test_a_report_says_what_was_sailed_and_shows_its_charts(tmp_path: Path) -> N
         assert (out / "figures" / name).read_bytes().startswith(b"\x89PNG")
         drawing = (out / "figures" / name).with_suffix(".svg")
         assert b"<svg" in drawing.read_bytes(), "to print"
+
+
+def test_a_report_says_in_what_was_sailed_by_its_own_settings(tmp_path: Path) -> None:
+    out = folder(tmp_path / "paper", made_up())
+    paper = write_report(gather(out), trajectories=False).read_text()
+    assert "In 10 m/s of wind, waves of 5 s and gain 0.3." in paper
+    assert "under way for over 90 s; a vessel has arrived within" in paper
+    assert "Surfaces are circles: vessels' of 2.8 m, buoys' 0.75 m." in paper
+    still = ("no_wind", "no_waves", "goal_4m")
+    records = [replace(one, variant="+".join(still)) for one in made_up()]
+    (tmp_path / "calm.toml").write_text(
+        'time_limit_s = 40\n[[vessel]]\ntype = "otter"\nstart_m = [0, 0]\nheading_deg = 0\n'
+        'goal_m = [20, 0]\n[[vessel]]\ntype = "otter"\nstart_m = [20, 9]\nheading_deg = 180\n'
+        "goal_m = [0, 9]\n"
+    )
+    sets = tuple(SetSettings(name=name, scenario=str(tmp_path / "calm.toml")) for name in SETS)
+    out = folder(tmp_path / "calm", records, sets=sets, variants=(still,))
+    calm = write_report(gather(out), trajectories=False).read_text()
+    assert "In no wind, flat water." in calm
+    assert "under way for over 40 s; a vessel has arrived within 4 m of its goal." in calm
+    assert "buoys'" not in calm
+    assert "2.8 m" not in calm
 
 
 def test_an_unfinished_experiment_is_called_so(tmp_path: Path) -> None:

@@ -62,9 +62,11 @@ def _call(node: ast.Call) -> Iterator[str]:
         yield f"line {node.lineno}: {function.value.id}.{function.attr} without {rule[0]}={rule[1]}"
 
 
-@pytest.mark.parametrize("file", SOURCES, ids=lambda file: str(file.relative_to(ROOT)))
-def test_no_source_reads_a_pickle(file: Path) -> None:
-    assert list(faults(ast.parse(file.read_text()))) == []
+def test_no_source_reads_a_pickle() -> None:
+    found = {
+        str(file.relative_to(ROOT)): list(faults(ast.parse(file.read_text()))) for file in SOURCES
+    }
+    assert {file: words for file, words in found.items() if words} == {}
 
 
 @pytest.mark.parametrize(

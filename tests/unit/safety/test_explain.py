@@ -183,6 +183,7 @@ def run(tmp_path_factory):
     return folder, report
 
 
+@pytest.mark.slow
 def test_every_decision_is_recorded_with_its_sentence_and_the_same_function_says_it_again(run):
     folder, _ = run
     for recording in find_recordings(folder):

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
 
 SHORT = """
 import json, sys
@@ -31,6 +32,7 @@ def run(code):
     return json.loads(done.stdout)
 
 
+@pytest.mark.slow
 def test_the_short_way_is_the_same_filter_and_assignment():
     from filterpy.kalman import KalmanFilter
     from scipy.optimize import linear_sum_assignment
@@ -46,12 +48,14 @@ def test_the_short_way_is_the_same_filter_and_assignment():
     assert short["pairs"] == [part.tolist() for part in pairs]
 
 
+@pytest.mark.slow
 def test_the_short_way_leaves_nothing_behind_and_the_whole_package_can_follow():
     short = run(SHORT)
     assert short["heavy"] == []
     assert short["full"] == "filterpy.kalman.kalman_filter"
 
 
+@pytest.mark.slow
 def test_what_is_imported_already_is_used():
     code = """
 import json
@@ -65,6 +69,7 @@ print(json.dumps([
     assert run(code) == [True, True]
 
 
+@pytest.mark.slow
 def test_a_package_laid_out_differently_is_imported_as_usual():
     code = """
 import json

@@ -29,6 +29,7 @@ def test_its_driver_brings_vessels_to_their_goals() -> None:
     assert np.isfinite(seen.ego).all()
 
 
+@pytest.mark.slow
 def test_both_precisions_are_printed_and_the_faster_is_the_update(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

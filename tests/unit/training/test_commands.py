@@ -69,6 +69,7 @@ def sail(config, tmp_path, *changes, **options):
     return folder / "seed_0"
 
 
+@pytest.mark.slow
 def test_keys_are_set_on_the_command_line_and_typed_as_in_toml(config, tmp_path):
     run = sail(config, tmp_path, "agent.precision=float32", "exploration.noise=0.25", steps=3)
     settings = runs.read_told(run)["settings"]
@@ -92,6 +93,7 @@ def test_what_cannot_be_set_is_refused_by_its_key(config, tmp_path, change, word
         sail(config, tmp_path, change)
 
 
+@pytest.mark.slow
 def test_a_run_stops_at_its_steps_and_goes_on_from_there(config, tmp_path):
     run = sail(config, tmp_path, "agent.precision=float32", steps=12)
     where = runs.load_checkpoint(run / runs.CHECKPOINT, "ac_iqn")["where"]
@@ -104,6 +106,7 @@ def test_a_run_stops_at_its_steps_and_goes_on_from_there(config, tmp_path):
     assert [r["event"] for r in log].count("end") == 1
 
 
+@pytest.mark.slow
 def test_the_precision_is_tried_out_and_a_run_keeps_it(config, tmp_path, capsys):
     run = sail(config, tmp_path, steps=3)
     first = capsys.readouterr().err
@@ -115,6 +118,7 @@ def test_the_precision_is_tried_out_and_a_run_keeps_it(config, tmp_path, capsys)
     assert runs.read_told(run)["settings"]["agent"]["precision"] == chosen
 
 
+@pytest.mark.slow
 def test_tensorboard_has_returns_spread_rates_and_hyper_parameters(config, tmp_path):
     run = sail(config, tmp_path, "agent.precision=float32", "environment.decision_limit=10")
     board = EventAccumulator(str(run / "tensorboard"))
@@ -148,6 +152,7 @@ def test_without_weights_and_biases_it_says_what_to_install(config, tmp_path, mo
         sail(config, tmp_path, "agent.precision=float32", wandb="boats")
 
 
+@pytest.mark.slow
 def test_lines_tell_how_far_a_run_is_where_there_is_no_terminal(
     config, tmp_path, capsys, monkeypatch
 ):

@@ -171,6 +171,7 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *wo
     return captured.out or captured.err
 
 
+@pytest.mark.slow
 def test_a_curve_over_risk_levels_is_one_object_by_level(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

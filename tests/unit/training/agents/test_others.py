@@ -28,6 +28,7 @@ ALL = [
 EVERY = pytest.mark.parametrize("settings", ALL, ids=algorithm)
 
 
+@pytest.mark.slow
 @EVERY
 def test_it_learns_which_action_is_rewarded(settings, batch, observations):
     # One decision an episode, rewarded by -(a - 0.5)^2 for each thruster: the best is (0.5, 0.5).
