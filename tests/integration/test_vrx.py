@@ -29,6 +29,7 @@ from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS, key, type_store
 from twinscrew.runtime.recording.recording import find_recordings
 
+pytestmark = pytest.mark.slow
 PAGE = ROOT / "docs" / "ros2.md"
 STEPS = ("sitl", "doctor", "run", "goal", "enable")
 
