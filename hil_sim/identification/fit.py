@@ -68,6 +68,9 @@ def _smoothed(state: Array) -> Array:
     return np.asarray(savgol_filter(state, 9, 2, axis=0), dtype=np.float64)
 
 
+DAY_NAMES: Final = frozenset(one.name for one in DAY)
+
+
 class Problem:
     """Windows, commands and the vessel's file: what is to agree."""
 
@@ -117,6 +120,28 @@ class Problem:
             scale = np.maximum(1.4826 * np.median(np.abs(left), axis=0), 0.02 * self.scale)
         assert solution is not None  # noqa: S101  (the loop ran)
         return theta, self._covariance(theta, windows, use, scale)
+
+    def fit_from_many_winds(self, windows: Windows, begin: Array) -> Array:
+        """Fit all parameters (K,), and look whether another wind explains more.
+
+        A wind's force goes by its square, so that the fit finds no way from one to its opposite.
+        """
+        theta, _ = self.fit(windows, begin=begin)
+        weather = np.array([name in DAY_NAMES for name in self.names])
+        winds = np.array([name.startswith("wind_") and name in DAY_NAMES for name in self.names])
+        best, least = theta, self._cost(theta, windows)
+        for north, east in ((7.0, 0.0), (-7.0, 0.0), (0.0, 7.0), (0.0, -7.0)):
+            trial = theta.copy()
+            trial[winds] = np.tile([north, east], self.days)
+            found, _ = self.fit(windows, weather, trial)
+            cost = self._cost(found, windows)
+            if cost < 0.97 * least:
+                best, least = found, cost
+        return theta if best is theta else self.fit(windows, begin=best)[0]
+
+    def _cost(self, theta: Array, windows: Windows) -> float:
+        off = self.errors(theta[None], windows)[0] / self.scale
+        return float(np.mean(np.sqrt(1.0 + off**2) - 1.0))
 
     def _residuals(self, theta: Array, windows: Windows, scale: Array) -> Array:
         """(P, R) Of the windows alone, whitened by channel; samples of a window count as one."""
