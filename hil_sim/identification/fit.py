@@ -122,22 +122,21 @@ class Problem:
         return theta, self._covariance(theta, windows, use, scale)
 
     def fit_from_many_winds(self, windows: Windows, begin: Array) -> Array:
-        """Fit all parameters (K,), and look whether another wind explains more.
+        """Fit all parameters (K,), from several winds: the one that explains most goes on.
 
         A wind's force goes by its square, so that the fit finds no way from one to its opposite.
         """
-        theta, _ = self.fit(windows, begin=begin)
-        weather = np.array([name in DAY_NAMES for name in self.names])
         winds = np.array([name.startswith("wind_") and name in DAY_NAMES for name in self.names])
-        best, least = theta, self._cost(theta, windows)
-        for north, east in ((7.0, 0.0), (-7.0, 0.0), (0.0, 7.0), (0.0, -7.0)):
-            trial = theta.copy()
-            trial[winds] = np.tile([north, east], self.days)
-            found, _ = self.fit(windows, weather, trial)
-            cost = self._cost(found, windows)
-            if cost < 0.97 * least:
-                best, least = found, cost
-        return theta if best is theta else self.fit(windows, begin=best)[0]
+        everything = np.ones(len(self.sigma), dtype=np.bool_)
+        scale = np.tile(self.scale, (windows.measured.shape[1] // (self.EVERY * STEPS), 1))
+        tried = []
+        for north, east in ((0.0, 0.0), (7.0, 0.0), (-7.0, 0.0), (0.0, 7.0), (0.0, -7.0)):
+            theta = begin.copy()
+            if north or east:
+                theta[winds] = np.tile([north, east], self.days)
+            theta, _ = self._solve(theta, windows, everything, scale, most=6)
+            tried.append((self._cost(theta, windows), theta))
+        return self.fit(windows, begin=min(tried, key=lambda one: one[0])[1])[0]
 
     def _cost(self, theta: Array, windows: Windows) -> float:
         off = self.errors(theta[None], windows)[0] / self.scale
@@ -149,7 +148,12 @@ class Problem:
         return off.reshape(len(theta), -1) / math.sqrt(off.shape[2])
 
     def _solve(
-        self, theta: Array, windows: Windows, use: NDArray[np.bool_], scale: Array
+        self,
+        theta: Array,
+        windows: Windows,
+        use: NDArray[np.bool_],
+        scale: Array,
+        most: int = 10,
     ) -> tuple[Array, Any]:
         sigma = self.sigma[use]
 
@@ -177,7 +181,7 @@ class Problem:
             loss="soft_l1",
             ftol=1e-5,
             xtol=1e-4,
-            max_nfev=10,
+            max_nfev=most,
         )
         fitted = theta.copy()
         fitted[use] = solution.x
