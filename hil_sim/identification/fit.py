@@ -68,6 +68,9 @@ def _smoothed(state: Array) -> Array:
     return np.asarray(savgol_filter(state, 9, 2, axis=0), dtype=np.float64)
 
 
+DAY_NAMES: Final = frozenset(one.name for one in DAY)
+
+
 class Problem:
     """Windows, commands and the vessel's file: what is to agree."""
 
@@ -118,13 +121,39 @@ class Problem:
         assert solution is not None  # noqa: S101  (the loop ran)
         return theta, self._covariance(theta, windows, use, scale)
 
+    def fit_from_many_winds(self, windows: Windows, begin: Array) -> Array:
+        """Fit all parameters (K,), from several winds: the one that explains most goes on.
+
+        A wind's force goes by its square, so that the fit finds no way from one to its opposite.
+        """
+        winds = np.array([name.startswith("wind_") and name in DAY_NAMES for name in self.names])
+        everything = np.ones(len(self.sigma), dtype=np.bool_)
+        scale = np.tile(self.scale, (windows.measured.shape[1] // (self.EVERY * STEPS), 1))
+        tried = []
+        for north, east in ((0.0, 0.0), (7.0, 0.0), (-7.0, 0.0), (0.0, 7.0), (0.0, -7.0)):
+            theta = begin.copy()
+            if north or east:
+                theta[winds] = np.tile([north, east], self.days)
+            theta, _ = self._solve(theta, windows, everything, scale, most=6)
+            tried.append((self._cost(theta, windows), theta))
+        return self.fit(windows, begin=min(tried, key=lambda one: one[0])[1])[0]
+
+    def _cost(self, theta: Array, windows: Windows) -> float:
+        off = self.errors(theta[None], windows)[0] / self.scale
+        return float(np.mean(np.sqrt(1.0 + off**2) - 1.0))
+
     def _residuals(self, theta: Array, windows: Windows, scale: Array) -> Array:
         """(P, R) Of the windows alone, whitened by channel; samples of a window count as one."""
         off = self.errors(theta, windows) / scale
         return off.reshape(len(theta), -1) / math.sqrt(off.shape[2])
 
     def _solve(
-        self, theta: Array, windows: Windows, use: NDArray[np.bool_], scale: Array
+        self,
+        theta: Array,
+        windows: Windows,
+        use: NDArray[np.bool_],
+        scale: Array,
+        most: int = 10,
     ) -> tuple[Array, Any]:
         sigma = self.sigma[use]
 
@@ -152,7 +181,7 @@ class Problem:
             loss="soft_l1",
             ftol=1e-5,
             xtol=1e-4,
-            max_nfev=10,
+            max_nfev=most,
         )
         fitted = theta.copy()
         fitted[use] = solution.x

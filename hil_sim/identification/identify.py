@@ -207,7 +207,7 @@ def identify(
         )
     weather = np.array([name in {sway.name for sway in DAY} for name in problem.names])
     given, _ = problem.fit(train, weather)
-    theta, _ = problem.fit(train, begin=given)
+    theta = problem.fit_from_many_winds(train, given)
     validation, before = (_validation(problem, x, test) for x in (theta, given))
     final, covariance = problem.fit(windows, begin=theta)
     draws = np.random.default_rng(0).multivariate_normal(final, covariance, size=400)
