@@ -89,7 +89,6 @@ def test_two_vessels_sail_on_their_ardupilots_and_arrive(ardurover, odometry, tm
     assert replayed["decisions_sha256"] == report["decisions_sha256"]
 
 
-@pytest.mark.slow
 def test_the_autopilots_odometry_is_in_the_scenarios_frame_and_the_scans_time(
     stand_in, tmp_path
 ) -> None:
@@ -112,7 +111,6 @@ def inputs_of(run: Path, topic: str) -> list[bytes]:
     return [message.payload for message in recording.inputs() if message.topic == topic]
 
 
-@pytest.mark.slow
 def test_a_wrong_parameter_is_named_and_the_run_does_not_hide_it(tmp_path) -> None:
     words = PEER.replace('"$@"', '"$@" --wrong PILOT_STEER_TYPE=0')
     binary = executable(tmp_path / "ardurover", words)
@@ -124,7 +122,6 @@ def test_a_wrong_parameter_is_named_and_the_run_does_not_hide_it(tmp_path) -> No
     assert "PILOT_STEER_TYPE" in wrong[0]
 
 
-@pytest.mark.slow
 def test_write_params_puts_it_right(tmp_path) -> None:
     words = PEER.replace('"$@"', '"$@" --wrong MOT_SLEWRATE=50')
     binary = executable(tmp_path / "ardurover", words)
@@ -151,7 +148,6 @@ def diagnostics_of(run: Path) -> list:
     return [event for m in messages for event in cdr.decode_diagnostics(m.payload)]
 
 
-@pytest.mark.slow
 def test_an_ardupilot_that_dies_ends_the_run_and_is_named(stand_in, tmp_path) -> None:
     folder, log = tmp_path / "run", tmp_path / "log.txt"
     words = ("--autopilot", "ardupilot", "--ardupilot-binary", stand_in, "--vessels", 1)
@@ -182,7 +178,6 @@ def command_of(process: psutil.Process) -> str:
         return ""
 
 
-@pytest.mark.slow
 def test_without_a_binary_it_tells_what_to_type_and_waits(stand_in, tmp_path) -> None:
     folder, log = tmp_path / "run", tmp_path / "log.txt"
     words = ("--autopilot", "ardupilot", "--vessels", 1, "--max-time", 1, "--out", folder)
@@ -201,7 +196,6 @@ def test_without_a_binary_it_tells_what_to_type_and_waits(stand_in, tmp_path) ->
             pilot.wait()
 
 
-@pytest.mark.slow
 def test_a_port_in_use_is_named(tmp_path) -> None:
     instance = free_instance(1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
@@ -212,7 +206,6 @@ def test_a_port_in_use_is_named(tmp_path) -> None:
     assert f"UDP port {9002 + 10 * instance}" in done.stderr
 
 
-@pytest.mark.slow
 def test_what_cannot_be_started_is_named(tmp_path) -> None:
     text = tmp_path / "ardurover"
     text.write_text("not a program")
@@ -221,14 +214,12 @@ def test_what_cannot_be_started_is_named(tmp_path) -> None:
     assert f"{text}: cannot be started: Permission denied" in done.stderr
 
 
-@pytest.mark.slow
 def test_lockstep_is_refused(tmp_path) -> None:
     done = twinscrew("sitl", "--autopilot", "ardupilot", "--lockstep", "--out", tmp_path / "run")
     assert done.returncode == 2
     assert "without --lockstep" in done.stderr
 
 
-@pytest.mark.slow
 def test_a_binary_without_its_word_is_refused(stand_in, tmp_path) -> None:
     done = twinscrew("sitl", "--ardupilot-binary", stand_in, "--out", tmp_path / "run")
     assert done.returncode == 2

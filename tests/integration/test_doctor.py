@@ -65,7 +65,6 @@ def sensors(tmp_path, request):
     sensors.close()
 
 
-@pytest.mark.slow
 def test_it_judges_what_a_boat_says_and_misses_the_autopilot(sensors, tmp_path):
     words = ("doctor", "--config", tmp_path / "boat.toml", "--listen", LISTEN_S, "--json")
     done = twinscrew(*words)
