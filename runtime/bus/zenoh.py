@@ -10,6 +10,7 @@ import time
 import uuid
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from enum import Enum
 from pathlib import Path
@@ -305,6 +306,7 @@ class _Line:
         self.closed = False
         self.publishers: dict[str, _Publisher] = {}
         self.subscribers: list[zenoh.Subscriber[None]] = []
+        self.namesakes: set[str] = set()
         self._tokens: list[zenoh.LivelinessToken] = []
         self._nodes: set[str] = set()
         config = zenoh_config(settings)
@@ -329,6 +331,10 @@ class _Line:
             self._declare(rmw_node(*who))
         number = len(self._tokens) + 1
         self._declare(rmw_end(*who, number, end, settings.topic(topic), settings.key_format))
+
+    def claim(self, token: str) -> None:
+        """Have a token of our own, as long as the session lives."""
+        self._declare(token)
 
     def _declare(self, token: str) -> None:
         self._tokens.append(self.session.liveliness().declare_token(token))
@@ -426,6 +432,35 @@ class ZenohBus:
                 return False
             time.sleep(_POLL_S)
         return True
+
+    def claim_name(self) -> None:
+        """Tell that a runtime of this namespace runs here, and look out for others that do.
+
+        They are seen where Zenoh passes tokens on: from everybody to clients, and between peers
+        that are connected with each other, but not between two peers by way of a third, or of a
+        router. Where access control forbids tokens nothing is seen either.
+        """
+        line, own = self._line, str(self._line.session.zid())
+        runtimes = f"twinscrew/runtime/{self._namespace}"
+
+        def see(sample: zenoh.Sample) -> None:
+            who = str(sample.key_expr).rpartition("/")[2]
+            if who != own:
+                alive = sample.kind == zenoh.SampleKind.PUT
+                (line.namesakes.add if alive else line.namesakes.discard)(who)
+
+        with suppress(zenoh.ZError):
+            line.claim(f"{runtimes}/{own}")
+            handler = zenoh.handlers.Callback(see, indirect=False)
+            liveliness = line.session.liveliness()
+            line.subscribers.append(
+                liveliness.declare_subscriber(f"{runtimes}/*", handler, history=True)
+            )
+
+    @property
+    def namesakes(self) -> frozenset[str]:
+        """Other sessions, by identity, in which a runtime of this namespace runs now."""
+        return frozenset(self._line.namesakes)
 
     @property
     def session(self) -> zenoh.Session:

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from twinscrew.runtime.messages.navigation import read_stamp, write_stamp
+from twinscrew.runtime.messages.navigation import STAMP
 from twinscrew.runtime.messages.types import (
     OBSERVED_OBJECTS,
     Decision,
@@ -25,6 +25,7 @@ from twinscrew.runtime.messages.wire import (
     Reader,
     Writer,
     array,
+    choice,
     number,
     vector,
 )
@@ -38,22 +39,10 @@ from twinscrew.runtime.messages.wire import (
 
 DECISION_TYPE: Final = "twinscrew_msgs/msg/Decision"
 
-_SEVERITIES: Final = (Severity.INFO, Severity.WARNING, Severity.ERROR)
 _EGO: Final = 7
 _OBJECT: Final = 5
 _SMALLEST_EVENT: Final = 20
 """[B] A stamp, two empty strings, and a severity with the padding before the second."""
-
-
-def _read_severity(reader: Reader) -> Severity:
-    severity = reader.uint8()
-    if severity >= len(_SEVERITIES):
-        raise reader.fail(f"{severity} is not a severity")
-    return _SEVERITIES[severity]
-
-
-def _write_severity(writer: Writer, severity: Severity) -> None:
-    writer.values("B", 1, _SEVERITIES.index(severity))
 
 
 def _read_observation(reader: Reader) -> Observation:
@@ -77,12 +66,11 @@ def _decision(*, observed: bool, observation: Observation, **values: Any) -> Dec
     return Decision(observation=observation if observed else None, **values)
 
 
-STAMP: Final = Kind(read_stamp, write_stamp)
 _EVENT: Final = Layout(
     HealthEvent,
     stamp_ns=STAMP,
     name=STRING,
-    severity=Kind(_read_severity, _write_severity),
+    severity=choice((Severity.INFO, Severity.WARNING, Severity.ERROR), "severity"),
     detail=STRING,
 )
 _OBJECTS: Final = Layout(

@@ -28,7 +28,17 @@ from twinscrew.runtime.messages.types import (
     Imu,
     Odometry,
 )
-from twinscrew.runtime.messages.wire import HEADER, HEADER_SIZE, Reader, Writer
+from twinscrew.runtime.messages.wire import (
+    FLAG,
+    HEADER,
+    HEADER_SIZE,
+    STRING,
+    Kind,
+    Layout,
+    Reader,
+    Writer,
+    choice,
+)
 
 # -- `std_msgs/Header` and `builtin_interfaces/Time`: what nearly every message starts with.
 
@@ -63,6 +73,9 @@ def split_stamp(stamp_ns: int) -> tuple[int, int]:
 def write_stamp(writer: Writer, stamp_ns: int) -> None:
     """Write a Time; a `MessageError` before 1901 or after 2038."""
     writer.values("iI", 4, *split_stamp(stamp_ns))
+
+
+STAMP: Final = Kind(read_stamp, write_stamp)
 
 
 def read_header(reader: Reader) -> tuple[int, str]:
@@ -502,50 +515,36 @@ def decode_clock(payload: bytes | memoryview) -> int:
     return stamp_ns
 
 
+_ENGAGEMENT: Final = Layout(Engagement, ENGAGEMENT_TYPE, stamp_ns=STAMP, engaged=FLAG)
+
+
 def encode_engagement(engagement: Engagement) -> bytes:
     """Write a twinscrew_msgs/Engagement."""
-    writer = Writer()
-    write_stamp(writer, engagement.stamp_ns)
-    writer.values("?", 1, engagement.engaged)
-    return writer.payload()
+    return _ENGAGEMENT.encode(engagement)
 
 
 def decode_engagement(payload: bytes | memoryview) -> Engagement:
     """Read a twinscrew_msgs/Engagement."""
-    reader = Reader(payload, ENGAGEMENT_TYPE)
-    engagement = Engagement(stamp_ns=read_stamp(reader), engaged=reader.flag())
-    reader.end()
-    return engagement
+    return _ENGAGEMENT.decode(payload)
 
 
 FALLBACK_TYPE: Final = "twinscrew_msgs/msg/Fallback"
 RESPONSES: Final = ("none", "slow", "hold", "stop", "hand_over")
 
 
+_FALLBACK: Final = Layout(
+    Fallback, FALLBACK_TYPE, stamp_ns=STAMP, response=choice(RESPONSES, "response"), reason=STRING
+)
+
+
 def encode_fallback(fallback: Fallback) -> bytes:
     """Write a twinscrew_msgs/Fallback."""
-    writer = Writer()
-    write_stamp(writer, fallback.stamp_ns)
-    writer.values("B", 1, RESPONSES.index(fallback.response))
-    writer.string(fallback.reason)
-    return writer.payload()
+    return _FALLBACK.encode(fallback)
 
 
 def decode_fallback(payload: bytes | memoryview) -> Fallback:
-    """Read a twinscrew_msgs/Fallback.
-
-    Raises
-    ------
-    MessageError
-        Not such a message, or a response that there is not.
-    """
-    reader = Reader(payload, FALLBACK_TYPE)
-    stamp_ns, response = read_stamp(reader), reader.uint8()
-    if response >= len(RESPONSES):
-        raise reader.fail(f"{response} is not a response")
-    reason = reader.string()
-    reader.end()
-    return Fallback(stamp_ns=stamp_ns, response=RESPONSES[response], reason=reason)
+    """Read a twinscrew_msgs/Fallback; a `MessageError` if it is none."""
+    return _FALLBACK.decode(payload)
 
 
 def encode_enable(enable: bool) -> bytes:

@@ -202,8 +202,14 @@ class Topic:
     durable: bool = False
     """True if ROS 2 expects it to reach late listeners (transient local): it is given again and
     again, and announced as such."""
+    taken: str = ""
+    """When a runtime listens to it: "always", or with this `odometry_source`; empty: never, or only
+    where a kind of autopilot or a sensor asks for it. What is taken in is recorded, and so is what
+    is published."""
+    stale: str = ""
+    """The event that is told when it is older than `max_age_s`; empty: nobody watches it."""
     core: bool = False
-    """True if the core takes it in: a recording of these topics is enough for a replay."""
+    """True if decisions depend on it: a recording of these topics is enough for a replay."""
 
 
 TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
@@ -216,6 +222,8 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=POINT_CLOUD_TYPE,
                 direction=Direction.IN,
                 traffic=Traffic.SENSOR,
+                taken="always",
+                stale="lidar_stale",
                 rate_hz=10.0,
                 max_age_s=0.4,
                 core=True,
@@ -226,6 +234,8 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=ODOMETRY_TYPE,
                 direction=Direction.IN,
                 traffic=Traffic.SENSOR,
+                taken="bus",
+                stale="odometry_stale",
                 rate_hz=20.0,
                 max_age_s=0.3,
                 depth=64,
@@ -238,6 +248,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=FIX_TYPE,
                 direction=Direction.IN,
                 traffic=Traffic.SENSOR,
+                taken="gps_imu",
                 rate_hz=20.0,
                 depth=32,
                 largest_b=SMALL_B,
@@ -248,6 +259,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=IMU_TYPE,
                 direction=Direction.IN,
                 traffic=Traffic.SENSOR,
+                taken="gps_imu",
                 rate_hz=100.0,
                 depth=128,
                 largest_b=SMALL_B,
@@ -258,6 +270,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=GOAL_TYPE,
                 direction=Direction.IN,
                 traffic=Traffic.COMMAND,
+                taken="always",
                 largest_b=SMALL_B,
                 core=True,
             ),
@@ -267,6 +280,7 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 ros_type=PATH_TYPE,
                 direction=Direction.IN,
                 traffic=Traffic.COMMAND,
+                taken="always",
                 largest_b=ROUTE_B,
                 core=True,
             ),

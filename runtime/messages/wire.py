@@ -235,6 +235,18 @@ def array(dtype: type[np.generic], *shape: int) -> Kind:
     )
 
 
+def choice(values: Sequence[Any], what: str) -> Kind:
+    """Give the kind of one of some values, written as its place among them (uint8)."""
+
+    def read(reader: Reader) -> Any:
+        place = reader.uint8()
+        if place >= len(values):
+            raise reader.fail(f"{place} is not a {what}")
+        return values[place]
+
+    return Kind(read, lambda writer, value: writer.values("B", 1, values.index(value)))
+
+
 FLAG: Final = Kind(Reader.flag, lambda writer, value: writer.values("?", 1, value))
 STRING: Final = Kind(Reader.string, Writer.string)
 

@@ -98,6 +98,9 @@ PRIORITY_REFUSED = _info(
     "priority_refused", "The system does not give the priority or the cores that were asked for."
 )
 FILES_APPROVED = _info("files_approved", "Every file that was read agrees with the manifest.")
+NAME_TAKEN = _warning(
+    "name_taken", "Another runtime of the same name is on the bus: orders reach both boats."
+)
 STATE = _info("state", "The vessel's state changed.")
 STATE_NOW = _info("state_now", "Which state the vessel is in; told every second.")
 AUTOPILOT_NOW = _info(

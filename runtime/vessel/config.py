@@ -36,7 +36,7 @@ from twinscrew.runtime.vessel.mission import MissionSettings
 from twinscrew.runtime.vessel.process import PrioritySettings
 from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
 
-SENSED: Final = ("gps", "imu")
+SENSED: Final = tuple(topic.name for topic in TOPICS.values() if topic.taken == "gps_imu")
 """The topics that odometry is made of, with `odometry_source = "gps_imu"`."""
 
 
@@ -118,8 +118,9 @@ def _check_thrust(config: RuntimeConfig) -> None:
 
 def inputs_of(config: RuntimeConfig) -> tuple[str, ...]:
     """Give the topics that a runtime listens to."""
-    source = {"bus": ("odometry",), "gps_imu": SENSED, "autopilot": ()}[config.odometry_source]
-    return ("points", "goal", "route", *source, *topics_of(config.autopilot.kind))
+    when = ("always", config.odometry_source)
+    taken = (topic.name for topic in TOPICS.values() if topic.taken in when)
+    return (*taken, *topics_of(config.autopilot.kind))
 
 
 def sensor_of(config: RuntimeConfig) -> Sensor:

@@ -20,7 +20,7 @@ from typing import Final, ParamSpec, TypeVar
 
 from twinscrew.runtime.bus.base import Inbox, Received
 from twinscrew.runtime.bus.zenoh import ZenohBus
-from twinscrew.runtime.errors import ConfigError, LinkError
+from twinscrew.runtime.errors import BusError, ConfigError, LinkError
 from twinscrew.runtime.link.transport import Transport
 from twinscrew.runtime.messages.types import HealthEvent
 from twinscrew.runtime.recording.recorder import Recorder
@@ -32,6 +32,7 @@ from twinscrew.runtime.safety.events import (
     LINK_DOWN,
     LINK_RESTORED,
     MESSAGES_MISSING,
+    NAME_TAKEN,
     OVERRUN,
     PRIORITY_REFUSED,
     RECORDER,
@@ -211,6 +212,10 @@ class Loop:
             self._link_is_down = True
             self._report(LINK_DOWN, str(error))
 
+    def tell(self, kind: EventKind, detail: str) -> None:
+        """Report what whoever drives the loop has found."""
+        self._report(kind, detail)
+
     def _report(self, kind: EventKind, detail: str | None) -> None:
         """Report what happened to the loop itself; None: nothing."""
         if detail is not None:
@@ -280,8 +285,11 @@ def run_vessel(
             vessel.note((event,), time.monotonic())
         stack.enter_context(Garbage())  # the first collection takes 20 ms: before a scan comes
         inbox.listen(bus, inputs_of(config))
+        name = Name(bus, config.name, lambda words: loop.tell(NAME_TAKEN, words))
         ready()
-        loop.run(stop)
+        loop.run(lambda: stop() or name.is_anothers())
+    if name.yields:
+        raise BusError(f"another runtime is named {config.name!r} on this bus: give one another")
     summary = RunSummary(
         name=config.name,
         decisions=publisher.decisions,
@@ -297,6 +305,42 @@ def run_vessel(
     if folder is not None:
         write_summary(summary, folder)
     return summary
+
+
+class Name:
+    """Watches that no other runtime on the bus has the vessel's name.
+
+    Orders for one would reach both, and nobody could tell whose thrust and decisions he sees. One
+    that finds another in its first seconds ends, and of two that start together both. Later nobody
+    ends because somebody else appears: it is reported.
+    """
+
+    JUST_STARTED_S = 5.0
+    """[s] Longer than it takes to reach the bus."""
+
+    def __init__(
+        self,
+        bus: ZenohBus,
+        name: str,
+        report: Callable[[str], None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.yields = False
+        """Whether this runtime ends, because the name was taken."""
+        self._bus, self._name, self._report, self._clock = bus, name, report, clock
+        self._begin_s = clock()
+        self._known: frozenset[str] = frozenset()
+        bus.claim_name()
+
+    def is_anothers(self) -> bool:
+        """Look for others; tells whether this runtime has to end."""
+        others = self._bus.namesakes
+        if others != self._known:
+            new, self._known = others - self._known, others
+            if new:
+                self._report(f"{self._name}: session {', '.join(sorted(new))}")
+                self.yields = self._clock() - self._begin_s < self.JUST_STARTED_S
+        return self.yields
 
 
 def unused(folder: Path) -> Path:

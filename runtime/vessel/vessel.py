@@ -49,8 +49,7 @@ from twinscrew.runtime.safety.events import (
     BAD_MESSAGE,
     GOAL_FRAME,
     INTERNAL_ERROR,
-    LIDAR_STALE,
-    ODOMETRY_STALE,
+    KINDS,
 )
 from twinscrew.runtime.safety.explain import assurance_manoeuvre, explain
 from twinscrew.runtime.safety.guard import NEUTRAL, Guard, ThrustLimits, Watchdog
@@ -61,8 +60,6 @@ from twinscrew.runtime.vessel.inputs import Alignment, Inputs, OdometryBufferSet
 from twinscrew.runtime.vessel.outputs import Outputs, Taken
 from twinscrew.runtime.vessel.pipeline import Pipeline, SpeedLimit, make_pipeline
 
-WATCHED = {"points": LIDAR_STALE, "odometry": ODOMETRY_STALE}
-"""The inputs that must keep coming, and what it is called when they do not."""
 LATENESS_KEPT_S = 2.0
 """[s] The latest decision or tick of this time counts."""
 FAULT_HOLD_S = 1.0
@@ -141,7 +138,11 @@ class Vessel:
         )
         self._guard = Guard(limits or pipeline.guard.limits)
         self._watchdog = Watchdog(
-            {name: (kind, TOPICS[name].max_age_s or math.inf) for name, kind in WATCHED.items()}
+            {
+                topic.name: (KINDS[topic.stale], topic.max_age_s or math.inf)
+                for topic in TOPICS.values()
+                if topic.stale
+            }
         )
         self._handlers: dict[str, Callable[[Taken, Outputs, float], None]] = {
             "points": self._scan,

@@ -22,11 +22,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto path = foresight.sail(motion, thrust, law, push);
   if (path.size() != 25 || path[0] != Planar{}) __builtin_trap();
   const Contact found = foresight.judge(path, around);
-  if (!(found.harm >= 0.0)) __builtin_trap();
+  if (!(found.excess >= 0.0)) __builtin_trap();
   if (found.circle >= static_cast<int>(count)) __builtin_trap();
-  if ((found.circle < 0) != (found.harm == 0.0)) __builtin_trap();
+  if ((found.circle < 0) != (found.excess == 0.0)) __builtin_trap();
   // It remembers nothing: the same again is the same.
   const Contact again = foresight.judge(foresight.sail(motion, thrust, law, push), around);
-  if (again.harm != found.harm || again.circle != found.circle) __builtin_trap();
+  if (again.excess != found.excess || again.circle != found.circle) __builtin_trap();
   return 0;
 }

@@ -13,7 +13,7 @@ namespace {
 void centroids(Input& input) {
   static const CentroidModel model({{7.2, 10.0, 16.5, 19.5}, {0.02, 0.48, 0.45, 1.0}, 0.32, 0.7, 1.5,
                                     0.05, 0.06, 0.75, 0.0234, 0.01, 0.4, 0.3, 17.0, 0.3});
-  const auto own = input.take<Stand>();
+  const auto own = input.take<Viewpoint>();
   const auto x = input.take<double>(), y = input.take<double>(), radius = input.take<double>();
   const auto points = input.take<std::int64_t>();
   if (!own.finite() || !std::isfinite(x + y) || !std::isfinite(radius)) return;
@@ -76,17 +76,17 @@ void free_water(Input& input) {
   Beams beams{{}, input.take<std::array<double, 3>>(), input.take<double>(), input.take<double>()};
   if (closed & 2) beams.sines = {-0.2, -0.1, 0.0, 0.1};
   if (!std::isfinite(begin[0]) || !std::isfinite(begin[1])) return;  // the binding sees to it
-  std::vector<SightRow> sights;
+  std::vector<BoundaryEnd> sights;
   for (const double number : input.rest<double>()) {
     const auto i = static_cast<std::int64_t>(sights.size());
     sights.push_back({number, i % 3 == 0 ? place[0] : -number, i % 2 == 0, i % 5 - 1});
   }
   const FreeWater water(sights, begin[0], begin[1], 1e-3 * (1 + widths[0]), 1e-3 * widths[1],
                         (closed & 1) != 0, beams);
-  const FreeWater::Told told = water.ask(place[0], place[1], place[2], place[3]);
+  const FreeWater::Known told = water.ask(place[0], place[1], place[2], place[3]);
   if (told.answer == FreeWater::FREE && !std::isfinite(place[0] + place[1])) __builtin_trap();
-  if (told.answer != FreeWater::TAKEN && told.whose != -1) __builtin_trap();
-  if (told.whose < -1 || told.whose > 3) __builtin_trap();
+  if (told.answer != FreeWater::TAKEN && told.object != -1) __builtin_trap();
+  if (told.object < -1 || told.object > 3) __builtin_trap();
 }
 
 }  // namespace
@@ -96,7 +96,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto which = input.take<std::uint8_t>();
   if (which % 5 == 0) centroids(input);
   if (which % 5 == 1 || which % 5 == 2) inverse(input, which % 5 == 1);
-  static volatile double kept;  // so that nothing is left out as unused
+  [[maybe_unused]] static volatile double kept;  // so that nothing is left out as unused
   if (which % 5 == 3) kept = innovations(input);
   if (which % 5 == 4) free_water(input);
   return 0;

@@ -229,14 +229,16 @@ def router(endpoint):
         process.stdin.close()
 
 
-def test_clients_that_meet_at_a_router_meet_again_when_it_was_killed_and_started_anew(endpoint):
+@pytest.mark.parametrize("boat", ["client", "peer"])
+def test_those_who_meet_at_a_router_meet_again_when_it_was_killed_and_started_anew(endpoint, boat):
     ends, inbox = [], Inbox()
-    settings = ZenohSettings(mode="client", connect=(endpoint,))
+    modes = [boat, "client"]  # a router passes nothing on between peers
     try:
         for time in range(3):
             with router(endpoint):
                 while len(ends) < 2:  # a client needs the router at once: it may still be starting
                     with suppress(BusError):
+                        settings = ZenohSettings(mode=modes[len(ends)], connect=(endpoint,))
                         ends.append(ZenohBus(settings, "wamv1"))
                 if time == 0:
                     inbox.listen(ends[0], ("goal",))

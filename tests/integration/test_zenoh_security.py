@@ -268,6 +268,41 @@ def test_an_operator_finds_a_boat_that_starts_again(certificates, port, join, bo
         again.close()
 
 
+@pytest.mark.usefixtures("boat")
+@pytest.mark.parametrize("until", ["20200102000000Z", "20600102000000Z"])
+def test_a_certificate_that_has_expired_does_not_connect(certificates, port, tmp_path, until):
+    """Ours, of our authority, with the operator's rights, but of years ago; a good one does."""
+    ours = Path(certificates[0])
+    book = tmp_path / "ca.cnf"
+    (tmp_path / "index.txt").touch()
+    (tmp_path / "serial").write_text("01\n")
+    book.write_text(
+        f"[ca]\ndefault_ca = d\n[d]\ndatabase = {tmp_path}/index.txt\nserial = {tmp_path}/serial\n"
+        f"new_certs_dir = {tmp_path}\ndefault_md = sha256\npolicy = p\nx509_extensions = x\n"
+        "[p]\ncommonName = supplied\n"
+        "[x]\nsubjectAltName = DNS:localhost,IP:127.0.0.1\n"
+        "extendedKeyUsage = serverAuth,clientAuth\n"
+    )
+    request, old = tmp_path / "old.csr", ours / "expired.pem"
+    shutil.copy(ours / "operator.key", ours / "expired.key")
+    (ours / "expired.key").chmod(0o600)
+    for words in (
+        ["req", "-new", "-key", ours / "expired.key", "-subj", "/CN=operator", "-out", request],
+        [
+            *("ca", "-batch", "-config", book, "-cert", ours / "ca.pem"),
+            *("-keyfile", ours / "ca.key", "-in", request, "-out", old),
+            *("-startdate", "20200101000000Z", "-enddate", until),
+        ],
+    ):
+        subprocess.run(["openssl", *words], check=True, capture_output=True)
+    settings = installed("operator.json5", certificates[0], port, "expired")
+    if until.startswith("2060"):
+        ZenohBus(settings, "wamv").close()
+    else:
+        with pytest.raises(BusError):
+            ZenohBus(settings, "wamv")
+
+
 def test_keys_are_readable_by_their_owner_only(certificates):
     for file in certificates[0].glob("*.key"):
         assert file.stat().st_mode & 0o077 == 0

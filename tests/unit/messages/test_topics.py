@@ -5,6 +5,9 @@ import pytest
 
 from twinscrew.runtime.errors import BusError
 from twinscrew.runtime.messages.topics import CORE_INPUTS, TOPICS, key, ros_name, type_hash
+from twinscrew.runtime.messages.types import Severity
+from twinscrew.runtime.safety.events import KINDS
+from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
 
 ROOT = Path(__file__).parents[3]
 
@@ -67,3 +70,20 @@ def test_the_documented_table_is_this_table():
         assert rate.strip() == (f"{topic.rate_hz:g}" if topic.rate_hz else "on change")
         assert age.strip() == (f"{topic.max_age_s:g}" if topic.max_age_s else "never")
         assert core.strip() == ("yes" if topic.core else "no")
+
+
+def test_what_is_watched_is_always_an_input_and_has_an_event_and_an_age():
+    watched = [topic for topic in TOPICS.values() if topic.stale]
+    assert {topic.name for topic in watched} == {"points", "odometry"}
+    for topic in watched:
+        assert topic.taken
+        assert topic.max_age_s
+        assert KINDS[topic.stale].severity is Severity.ERROR
+
+
+@pytest.mark.parametrize("source", ["bus", "gps_imu", "autopilot"])
+def test_a_runtime_listens_to_what_the_table_says(source):
+    told = {"bus": {"odometry"}, "gps_imu": {"gps", "imu"}, "autopilot": set()}[source]
+    assert (
+        set(inputs_of(RuntimeConfig(odometry_source=source))) == {"points", "goal", "route"} | told
+    )
