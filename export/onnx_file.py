@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-import numpy as np
 import onnx
 import torch
 from torch import Tensor, nn
@@ -171,8 +170,7 @@ def onnx_bytes(
     model = _trace(policy.eval(), layout)
     _strip(model)
     if layout.extended:
-        circles_only = [1, layout.objects, OUTLINE_COLUMNS]
-        _give_default(model.graph, "outlines", circles_only, np.zeros(circles_only).ravel())
+        _give_default(model.graph, "outlines", [1, 1, OUTLINE_COLUMNS], [0.0] * OUTLINE_COLUMNS)
         _give_default(model.graph, "hull", [1, len(DEFAULT_HULL)], DEFAULT_HULL)
     if policy.risk is not None:
         _give_default(model.graph, "risk", [1, 1], [policy.risk])
@@ -185,15 +183,16 @@ def onnx_bytes(
 
 
 def _trace(policy: DeployedPolicy, layout: Layout) -> onnx.ModelProto:
-    batch = torch.export.Dim("N", min=1)
+    batch, count = torch.export.Dim("N", min=1), torch.export.Dim("K", min=1)
     example = example_inputs(2, 0, layout)
-    # What has a default is traced as one row for all: the graph then broadcasts it, and so takes
-    # one a row as well.
     fed: dict[str, tuple[Tensor, dict[int, Any] | None]] = {
         name: (getattr(example, name), {0: batch}) for name in ("ego", "objects", "mask")
     }
-    if layout.extended:
-        fed |= {"outlines": (example.outlines[:1], None), "hull": (example.hull[:1], None)}
+    if layout.extended:  # a set of objects: any number will do
+        for name in ("objects", "mask", "outlines"):
+            fed[name] = (getattr(example, name), {0: batch, 1: count})
+        # What is traced as one row for all is broadcast by the graph, which so takes one a row too.
+        fed["hull"] = (example.hull[:1], None)
     if policy.risk is not None:
         fed["risk"] = (torch.full((1, 1), policy.risk), None)
     shapes = {name: shape for name, (_, shape) in fed.items()}
@@ -214,7 +213,7 @@ def _trace(policy: DeployedPolicy, layout: Layout) -> onnx.ModelProto:
 
 
 def _give_default(
-    graph: onnx.GraphProto, name: str, shape: Sequence[int], values: Iterable[float]
+    graph: onnx.GraphProto, name: str, shape: Sequence[int], values: Sequence[float]
 ) -> None:
     """Give an input, (N, ...), a default: who does not feed it gets `values` in every row.
 

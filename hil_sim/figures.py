@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twinscrew.hil_sim.scenario import Scenario
+from twinscrew.hil_sim.traffic import Traffic
 from twinscrew.hil_sim.trajectory import TrajectoryLog
 from twinscrew.runtime.messages.types import Float64
 
@@ -38,7 +39,13 @@ MARGIN_M = 3.0
 """[m] Around what is shown."""
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 """Okabe and Ito's: told apart by colour-blind people too."""
-OUTCOMES = {"goal": "arrived after", "collision": "collided after", "timeout": "out of time after"}
+OUTCOMES = {
+    "goal": "arrived after",
+    "collision": "collided after",
+    "timeout": "out of time after",
+    "done": "trial done after",
+    "ended": "trial ended early after",
+}
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -190,6 +197,8 @@ def _draw_map(axes: Axes, scenario: Scenario, low: Float64, high: Float64) -> No
         axes.add_patch(Circle((east, north), radius, color="0.25", zorder=3))
     for quay in scenario.quays:
         axes.add_patch(_quay(quay))
+    for box in Traffic(scenario.traffic).boxes:
+        axes.add_patch(_quay(box))
     for i, (north, east) in enumerate(scenario.goals):
         colour = COLOURS[i % len(COLOURS)]
         style = {"fill": False, "color": colour, "linestyle": ":", "linewidth": 0.9}

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from dataclasses import replace as changed
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,12 @@ from msgspec.structs import replace
 
 from twinscrew.hil_sim import random_scenario
 from twinscrew.hil_sim.random_scenario import Coordinate, RandomSettings, from_quays
+from twinscrew.hil_sim.traffic import TrafficEntry
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import NonNegative, Positive, Settings, load, shipped
 from twinscrew.runtime.vessel.hull_settings import goal_radius
+from twinscrew.runtime.vessel.trial import room_m
 from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
 
 Point = tuple[Coordinate, Coordinate]
@@ -53,6 +56,8 @@ class Scenario:
     """[s] A vessel under way longer than this has failed."""
     goal_radius: float
     """[m] A vessel whose origin is this near its goal has arrived."""
+    traffic: tuple[TrafficEntry, ...] = ()
+    """(T,) Scripted ships, which give way to nobody."""
 
     @property
     def vessels(self) -> int:
@@ -107,6 +112,7 @@ class ScenarioFile(Settings, frozen=True, kw_only=True):
     vessel: tuple[VesselEntry, ...] = ()
     buoy: tuple[BuoyEntry, ...] = ()
     quay: tuple[QuayEntry, ...] = ()
+    traffic: tuple[TrafficEntry, ...] = ()
 
 
 def load_scenario(
@@ -143,6 +149,35 @@ def load_scenario(
     except ConfigError as error:
         raise ConfigError(str(error), file=path) from error
     return scenario
+
+
+def on_trial(scenario: Scenario, trial: str, time_s: float) -> Scenario:
+    """Give open water for a scenario's vessels to sail a trial in, each far from the others.
+
+    Sea and vessels stay; buoys, quays and goals are gone. Every vessel heads north.
+
+    Parameters
+    ----------
+    trial
+        As "zigzag": how much water each one needs.
+    time_s
+        [s] How long the trial may last; the scenario's limit is a minute more, to brake.
+    """
+    room = max(room_m(trial, load_vessel(kind)) for kind in scenario.types)
+    starts = np.zeros((scenario.vessels, 3))
+    starts[:, 0] = room
+    starts[:, 1] = room + 3.0 * room * np.arange(scenario.vessels)
+    return changed(
+        scenario,
+        name=f"trial {trial}",
+        starts=starts,
+        goals=starts[:, :2].copy(),
+        buoys=np.empty((0, 3)),
+        quays=np.empty((0, 6)),
+        traffic=(),
+        map_size=(2.0 * room, float(starts[-1, 1]) + room),
+        time_limit_s=time_s + 60.0,
+    )
 
 
 def _make(
@@ -234,6 +269,7 @@ def _scenario(
         types=each,
         thrust_limits=limits,
         quays=_quays(file),
+        traffic=file.traffic,
         map_size=file.map_size_m,
         sea=file.sea,
         time_limit_s=file.time_limit_s,

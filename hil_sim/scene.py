@@ -12,6 +12,7 @@ from twinscrew.hil_sim.buoys import floating
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import Sea
 from twinscrew.hil_sim.shapes import Shape, boxes_shape, load_shape, vessel_shape
+from twinscrew.hil_sim.traffic import Traffic, shape_of
 from twinscrew.hil_sim.vessel.state import VesselState
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.vessel_description import VesselDescription
@@ -27,7 +28,8 @@ def shapes(scenario: Scenario, vessels: Sequence[VesselDescription]) -> tuple[Sh
     kinds = list({vessel.key: vessel for vessel in vessels}.values())
     first, *further = [vessel_shape(kind) for kind in kinds]
     quays = [_quays(scenario.quays)] if len(scenario.quays) else []
-    return (first, load_shape("light_buoy"), *quays, *further)
+    traffic = [shape_of(entry) for entry in scenario.traffic]
+    return (first, load_shape("light_buoy"), *quays, *further, *traffic)
 
 
 def shape_numbers(scenario: Scenario, vessels: Sequence[VesselDescription]) -> NDArray[np.int64]:
@@ -44,10 +46,13 @@ def bodies(
     shapes: NDArray[np.int64],
     sea: Sea,
     time_s: float,
+    traffic: Traffic | None = None,
+    first_traffic: int = 0,
 ) -> Bodies:
-    """Give everything that can be seen: vessels, buoys, then all quays as one body.
+    """Give everything that can be seen: vessels, buoys, all quays as one body, then traffic.
 
-    `shapes`, (V,), are the numbers of the vessels' shapes, or `ABSENT`.
+    `shapes`, (V,), are the numbers of the vessels' shapes, or `ABSENT`; scripted ships have those
+    from `first_traffic` on.
     """
     B, Q = len(scenario.buoys), int(len(scenario.quays) > 0)
     shape = np.concatenate([shapes, np.full(B, BUOY), np.full(Q, QUAYS)]).astype(np.int32)
@@ -55,7 +60,7 @@ def bodies(
     upright = np.broadcast_to(np.eye(3), (B + Q, 3, 3))
     R_NB, still = rotations(state.q_NB), np.zeros((B + Q, 3))
     velocity_N = np.einsum("vij,vj->vi", R_NB, state.velocity_B)
-    return Bodies(
+    seen = Bodies(
         shape=shape,
         position_N=np.concatenate([state.position_N, afloat, np.zeros((Q, 3))]),
         R_NB=np.concatenate([R_NB, upright]),
@@ -64,6 +69,28 @@ def bodies(
         ),
         velocity_N=np.concatenate([velocity_N, still]),
         rates_B=np.concatenate([state.rates_B, still]),
+    )
+    return seen if traffic is None else _with_traffic(seen, traffic, first_traffic, sea, time_s)
+
+
+def _with_traffic(seen: Bodies, traffic: Traffic, first: int, sea: Sea, time_s: float) -> Bodies:
+    """Add scripted ships, which are too heavy to move in the waves."""
+    count = len(traffic)
+    p_N, heading = traffic.position_N, traffic.heading
+    R_NB = np.broadcast_to(np.eye(3), (count, 3, 3)).copy()
+    R_NB[:, 0, 0] = R_NB[:, 1, 1] = np.cos(heading)
+    R_NB[:, 1, 0] = np.sin(heading)
+    R_NB[:, 0, 1] = -R_NB[:, 1, 0]
+    flat = np.zeros((count, 1))
+    assert seen.velocity_N is not None  # noqa: S101  (made above)
+    assert seen.rates_B is not None  # noqa: S101
+    return Bodies(
+        shape=np.concatenate([seen.shape, np.arange(first, first + count, dtype=np.int32)]),
+        position_N=np.concatenate([seen.position_N, np.column_stack([p_N, flat])]),
+        R_NB=np.concatenate([seen.R_NB, R_NB]),
+        water_z=np.concatenate([seen.water_z, -sea.elevation(p_N, time_s)]),
+        velocity_N=np.concatenate([seen.velocity_N, np.column_stack([traffic.velocity_N, flat])]),
+        rates_B=np.concatenate([seen.rates_B, np.zeros((count, 3))]),
     )
 
 

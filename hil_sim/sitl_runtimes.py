@@ -8,13 +8,15 @@ from typing import Any, Literal
 from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.hil_sim.drivers.processes import LOOPBACK, free_port
 from twinscrew.hil_sim.scenario import Scenario
+from twinscrew.hil_sim.sensors.marine import OWN_MMSI
 from twinscrew.hil_sim.sitl_settings import Interface, OdometrySource, SitlSettings
 from twinscrew.runtime.bus.zenoh import DEFAULT_PORT, ZenohSettings
 from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.ground.report import GroundSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig, config_for
 from twinscrew.runtime.vessel.hull_settings import expecting
-from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
+from twinscrew.runtime.vessel.trial import room_m
+from twinscrew.runtime.vessel_description import DEFAULT, VesselDescription, load_vessel
 
 DATUM = Datum(latitude_deg=Origin().latitude_deg, longitude_deg=Origin().longitude_deg)
 """Where the scenarios' origin lies: the vessels sail in one frame."""
@@ -34,7 +36,7 @@ def runtime_config(
 ) -> RuntimeConfig:
     """Give the configuration of a vessel's runtime, which records to a folder, if any."""
     policy = Path(settings.policy)
-    kind = load_vessel(scenario.types[vessel])
+    kind = load_vessel(settings.believed or scenario.types[vessel])
     sensors = {} if kind.key != DEFAULT else {"sensors": settings.navigation.place}
     return config_for(
         kind.key,
@@ -46,6 +48,8 @@ def runtime_config(
         mission={"goal_radius_m": scenario.goal_radius},
         perception=expecting(scenario.types),
         autopilot=_autopilot(settings, vessel),
+        trial=_trial(settings, kind),
+        senses=_senses(settings, vessel),
         ground=ALL_TOLD if settings.ground else GroundSettings(),
         bus={"key_format": settings.key_format, "domain": settings.domain},
         recording={
@@ -53,6 +57,25 @@ def runtime_config(
             "about": {"scenario": scenario.name, "seed": str(settings.seed)},
         },
     )
+
+
+def _trial(settings: SitlSettings, kind: VesselDescription) -> dict[str, Any]:
+    """Give a trial all the water that it needs: the simulated sea has no shore."""
+    if not settings.trial:
+        return {}
+    around_m = room_m(settings.trial, kind)
+    return {"name": settings.trial, "around_m": around_m, "max_time_s": settings.trial_time_s}
+
+
+def _senses(settings: SitlSettings, vessel: int) -> dict[str, Any]:
+    """Give the sensors beside the LiDAR that are simulated."""
+    marine, found = settings.marine, {}
+    if marine.ais is not None:
+        own = OWN_MMSI + vessel if marine.ais.own_vessels else 0
+        found["ais"] = {"own_mmsi": own}
+    if marine.radar is not None:
+        found["radar"] = {}
+    return found
 
 
 def simulator_zenoh(settings: SitlSettings) -> ZenohSettings:

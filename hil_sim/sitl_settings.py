@@ -8,10 +8,12 @@ from typing import Annotated
 from msgspec import Meta
 
 from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotSettings
+from twinscrew.hil_sim.sensors.marine import MarineSettings
 from twinscrew.hil_sim.sensors.navigation import NavigationSettings
-from twinscrew.runtime.errors import ConfigError
+from twinscrew.runtime.errors import ConfigError, one_of
 from twinscrew.runtime.messages.topics import KeyFormat
-from twinscrew.runtime.settings import Settings
+from twinscrew.runtime.settings import Positive, Settings
+from twinscrew.runtime.vessel.trial import TRIALS
 
 
 class AutopilotKind(Enum):
@@ -50,6 +52,13 @@ class SitlSettings(Settings, frozen=True):
 
     sensor: str = "vrx32"
     policy: str = "ac_iqn"
+    trial: str = ""
+    """A trial that is sailed instead of a voyage to goals; empty: none."""
+    trial_time_s: Positive = 1200.0
+    """[s] The trial is done after so long."""
+    believed: str = ""
+    """What the runtimes take the vessels for: a name in config/vessels, or a file. Empty: for what
+    they are."""
     seed: int = 0
     lockstep: bool = False
     processes: bool = False
@@ -59,6 +68,8 @@ class SitlSettings(Settings, frozen=True):
     odometry: OdometrySource = OdometrySource.BUS
     navigation: NavigationSettings = NavigationSettings()
     """The simulated GPS and IMU; only for `odometry = "gps_imu"`."""
+    marine: MarineSettings = MarineSettings()
+    """The simulated AIS and radar, which the runtimes then use."""
     faults: str = ""
     """A file of faults, or the name of one in config/faults; empty: none."""
     write_params: bool = False
@@ -100,6 +111,12 @@ def check(settings: SitlSettings) -> None:
         raise ConfigError(
             "in real time each has its process anyway: with --lockstep", key="processes"
         )
+    if settings.trial and settings.trial not in (*TRIALS, "all"):
+        raise ConfigError(one_of(settings.trial, (*TRIALS, "all")), key="trial")
+    if settings.trial and settings.faults:
+        raise ConfigError("not together with faults", key="trial")
+    if settings.believed and not ours:
+        raise ConfigError("only with our autopilots", key="believed")
     zenoh = settings.zenoh_port is not None or settings.zenoh_connect
     if settings.lockstep and (zenoh or settings.key_format != "ros2dds"):
         raise ConfigError("Zenoh joins others in real time only: without --lockstep", key="zenoh")
@@ -111,7 +128,16 @@ def check(settings: SitlSettings) -> None:
 
 def _check_vrx(settings: SitlSettings) -> None:
     defaults = SitlSettings()
-    for key in ("lockstep", "autopilot", "odometry", "write_params", "faults", "ground"):
+    for key in (
+        "lockstep",
+        "trial",
+        "believed",
+        "autopilot",
+        "odometry",
+        "write_params",
+        "faults",
+        "ground",
+    ):
         if getattr(settings, key) != getattr(defaults, key):
             words = "has no meaning with --interface vrx: you start what drives the vessels"
             raise ConfigError(words, key=key)

@@ -19,14 +19,18 @@ from twinscrew.hil_sim.drivers.vrx import Vrx
 from twinscrew.hil_sim.faults.assemble import faulty_crew, plans_by_vessel, verdicts
 from twinscrew.hil_sim.faults.plan import FaultPlan
 from twinscrew.hil_sim.faults.verdict import Verdict
+from twinscrew.hil_sim.sensors.marine import MarineSensors
 from twinscrew.hil_sim.sensors.navigation import Navigation
-from twinscrew.hil_sim.sitl_runtimes import simulator_zenoh
+from twinscrew.hil_sim.sitl_runtimes import DATUM, simulator_zenoh
 from twinscrew.hil_sim.sitl_settings import OdometrySource, SitlSettings
 from twinscrew.hil_sim.supervisor import Result
 from twinscrew.hil_sim.world import World
 from twinscrew.runtime.bus.zenoh import ZenohBus
+from twinscrew.runtime.link.ardupilot.thrust import PaddleSettings
 from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.settings import convert
 from twinscrew.runtime.vessel.config import RuntimeConfig
+from twinscrew.runtime.vessel.hull_settings import paddles
 from twinscrew.runtime.vessel.summary import RunSummary, read_summary
 
 Progress = Callable[[float, tuple[Result, ...]], None]
@@ -66,11 +70,11 @@ def sail_in_step(setup: Setup) -> Sailed:
     """Sail as fast as it goes, all determined."""
     epoch_ns = setup.world.epoch_ns
     if setup.settings.processes:
-        with ProcessCrew(setup.configs, epoch_ns=epoch_ns) as crew:
-            return Sailed(_voyage(setup, crew).run(), crew.summaries())
-    local = LockstepCrew(setup.configs, epoch_ns=epoch_ns)
+        with ProcessCrew(setup.configs, epoch_ns=epoch_ns, propellers=_propellers(setup)) as crew:
+            return Sailed(_sail(setup, crew), crew.summaries())
+    local = LockstepCrew(setup.configs, epoch_ns=epoch_ns, propellers=_propellers(setup))
     try:
-        result = _voyage(setup, local).run()
+        result = _sail(setup, local)
     finally:
         local.close()
     return Sailed(result, local.summaries())
@@ -82,7 +86,7 @@ def sail_in_real_time(setup: Setup) -> Sailed:
     tell = setup.tell if fleet is not None else None
     zenoh = simulator_zenoh(setup.settings)
     with RealtimeCrew(setup.configs, setup.folders, fleet, tell, zenoh=zenoh) as crew:
-        result = _voyage(setup, crew).run()
+        result = _sail(setup, crew)
     return Sailed(result, [read_summary(folder) for folder in setup.folders])
 
 
@@ -120,13 +124,22 @@ def _fleet(setup: Setup) -> Fleet | None:
     """Give the autopilots; None where the crew's own do."""
     settings, world = setup.settings, setup.world
     if settings.simulates_autopilots:
-        if not settings.ground:
+        if not settings.ground and not settings.believed:
             return None
         ids = [index + 1 for index in range(world.scenario.vessels)]
-        scales = [config.autopilot.paddles for config in setup.configs]
-        return simulated_fleet(ids, ground=settings.ground, paddles=scales)
+        return simulated_fleet(ids, ground=settings.ground, paddles=_propellers(setup))
     ardupilot = replace(settings.ardupilot, ground=settings.ground)
     return ArduPilotFleet(world, setup.folders, ardupilot, setup.tell)
+
+
+def _propellers(setup: Setup) -> list[PaddleSettings]:
+    """Give what the outputs really mean, whatever the runtimes take the vessels for."""
+    return [convert(paddles(vessel), PaddleSettings) for vessel in setup.world.vessels]
+
+
+def _sail(setup: Setup, crew: Crew) -> VoyageResult:
+    voyage = _voyage(setup, crew)
+    return voyage.trial() if setup.settings.trial else voyage.run()
 
 
 def _voyage(setup: Setup, crew: Crew) -> Voyage:
@@ -140,4 +153,5 @@ def _voyage(setup: Setup, crew: Crew) -> Voyage:
         dock_limit_s=DOCK_LIMIT_S if ours else ARDUPILOT_DOCK_LIMIT_S,
         progress=setup.progress,
         navigation=Navigation(world, settings.navigation) if sensed else None,
+        marine=MarineSensors(world, settings.marine, DATUM) if settings.marine.any else None,
     )

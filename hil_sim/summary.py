@@ -11,7 +11,13 @@ from rich.table import Table
 
 from twinscrew.hil_sim.sitl_report import SitlReport
 
-COLOURS = {"goal": "green", "collision": "red", "timeout": "yellow"}
+COLOURS = {
+    "goal": "green",
+    "collision": "red",
+    "timeout": "yellow",
+    "done": "green",
+    "ended": "yellow",
+}
 
 
 def as_dict(report: SitlReport) -> dict[str, Any]:

@@ -23,6 +23,10 @@ class Outcome(Enum):
     GOAL = "goal"
     COLLISION = "collision"
     TIMEOUT = "timeout"
+    DONE = "done"
+    """A trial was sailed to its end."""
+    ENDED = "ended"
+    """A trial was ended early by its guard."""
 
 
 class SupervisorSettings(Settings, frozen=True, kw_only=True):
@@ -33,6 +37,8 @@ class SupervisorSettings(Settings, frozen=True, kw_only=True):
     training."""
     after_collision: Literal["vanish", "stop"] = "vanish"
     """Take it off the map, as in training; or hold it where it is, a wreck in the others' way."""
+    goals_count: bool = True
+    """Whether a voyage ends at its goal. One on trial has none: see `Supervisor.finish`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,6 +89,11 @@ class Supervisor:
         if not self.over:
             self.world.advance(duration_s, commands, until=self._judge)
 
+    def finish(self, vessel: int, outcome: Outcome) -> None:
+        """Note the outcome of a vessel whose trial is over; it is held where it is."""
+        if self.outcomes[vessel] is None:
+            self._end(vessel, outcome)
+
     def _judge(self) -> bool:
         """Give outcomes for what the world's last step has done; tell if the episode is over."""
         world, scenario = self.world, self.world.scenario
@@ -90,12 +101,13 @@ class Supervisor:
         touching = (world.nearest <= 0.0).tolist()
         arrived = (np.hypot(offset[:, 0], offset[:, 1]) <= scenario.goal_radius).tolist()
         late = self.elapsed_s >= scenario.time_limit_s
+        counts = self.settings.goals_count
         for vessel, outcome in enumerate(self.outcomes):
             if outcome is not None:
                 continue
             if touching[vessel]:
                 self._end(vessel, Outcome.COLLISION)
-            elif arrived[vessel]:
+            elif counts and arrived[vessel]:
                 self._end(vessel, Outcome.GOAL)
             elif late:
                 self._end(vessel, Outcome.TIMEOUT)

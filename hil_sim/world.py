@@ -21,6 +21,7 @@ from twinscrew.hil_sim.mooring import moor
 from twinscrew.hil_sim.odometry import OdometrySettings
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
+from twinscrew.hil_sim.traffic import Traffic
 from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, FleetDynamics
 from twinscrew.hil_sim.vessel.rest import fleet_at_rest
 from twinscrew.hil_sim.vessel.state import VesselState
@@ -91,7 +92,11 @@ class World:
             key: Lidar(lidar_on(sensor, vessel), self.settings.lidar, shapes, number)
             for key, (vessel, number) in kinds.items()
         }
-        self._obstacles = Obstacles(circles=scenario.buoys, boxes=scenario.quays)
+        self.traffic: Traffic | None = Traffic(scenario.traffic) if scenario.traffic else None
+        """Scripted ships; None without any."""
+        self._first_traffic = len(shapes) - len(scenario.traffic)
+        self._under_way = False
+        self._obstacles = self._solid()
         self._hulls = HullCircles(self.vessels)
         starts = scenario.starts
         self.state = fleet_at_rest(self._dynamics, starts[:, :2], starts[:, 2])
@@ -122,7 +127,7 @@ class World:
 
     @property
     def gaps(self) -> Float64:
-        """[m] (V, V + B + Q) Distances between surfaces now, see `contacts.gaps`."""
+        """[m] (V, V + B + Q + T) Distances between surfaces now, see `contacts.gaps`."""
         return self._gaps
 
     @property
@@ -173,8 +178,9 @@ class World:
         self._moorings_N[vessel] = [*mooring_N, self.state.heading[vessel]]
 
     def release(self, vessel: int) -> None:
-        """Let go of a moored vessel."""
+        """Let go of a moored vessel; with the first one traffic gets under way."""
         self.moored[vessel] = False
+        self._under_way = True
 
     def remove(self, vessel: int) -> None:
         """Take a vessel off the map: nobody sees or touches it any more."""
@@ -197,10 +203,18 @@ class World:
         return lidar.scan(self.bodies(), vessel, self.stamp_ns, self._lidar_rng[vessel])
 
     def bodies(self) -> Bodies:
-        """Give everything that can be seen now: vessels, buoys, then the quays as one body."""
+        """Give everything that can be seen now: vessels, buoys, the quays as one body, traffic."""
         if self._bodies is None or self._bodies[0] != self.steps:
             shapes = np.where(self.present, self._shapes, ABSENT)
-            bodies = scene.bodies(self.scenario, self.state, shapes, self.sea, self.time_s)
+            bodies = scene.bodies(
+                self.scenario,
+                self.state,
+                shapes,
+                self.sea,
+                self.time_s,
+                self.traffic,
+                self._first_traffic,
+            )
             self._bodies = self.steps, bodies
         return self._bodies[1]
 
@@ -224,9 +238,19 @@ class World:
             state = self._pushed(state, free)
         self.state = state
         self.steps += 1
+        if self.traffic is not None and self._under_way:
+            self.traffic.step(self.step_s)
+            self._obstacles = self._solid()
         self._measure_gaps()
         for look in self._watchers:
             look()
+
+    def _solid(self) -> Obstacles:
+        """Give what vessels can hit, besides each other: buoys, quays, and ships as boxes."""
+        boxes = self.scenario.quays
+        if self.traffic is not None:
+            boxes = np.concatenate([boxes, self.traffic.boxes])
+        return Obstacles(circles=self.scenario.buoys, boxes=boxes)
 
     def push(self, vessel: int, force_N: tuple[float, float]) -> None:
         """Let a force act on a vessel from now on, north and east [N], beyond the sea's own."""

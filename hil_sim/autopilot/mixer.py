@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -68,6 +69,8 @@ class Mixer:
         functions = [parameters.get(f"SERVO{n}_FUNCTION", 0.0) for n in range(1, SERVOS + 1)]
         self.functions = functions
         """SERVOn_FUNCTION of outputs 1 to 16."""
+        self._expo = parameters.get("MOT_THST_EXPO", 0.0)
+        self._least = parameters.get("MOT_THR_MIN", 0.0) / 100.0
         self._left = self._output(THROTTLE_LEFT, parameters)
         self._right = self._output(THROTTLE_RIGHT, parameters)
         self._neutral = self._outputs = self._mix(0.0, 0.0)
@@ -87,7 +90,22 @@ class Mixer:
         return self._mix(fraction, fraction)
 
     def _mix(self, left: float, right: float) -> tuple[int, int]:
-        return self._left.pulse(left), self._right.pulse(right)
+        return self._left.pulse(self._bent(left)), self._right.pulse(self._bent(right))
+
+    def _bent(self, throttle: float) -> float:
+        """Lift a motor's throttle over MOT_THR_MIN, and bend it by MOT_THST_EXPO.
+
+        The bend takes thrust to go with (1 - e) y + e y^2 of the output y, and solves for y.
+        """
+        if throttle == 0.0:
+            return 0.0
+        size = min(abs(throttle), 1.0)
+        if self._least > 0.0:
+            size = self._least + size * (1.0 - self._least)
+        e = self._expo
+        if 1e-6 < abs(e) <= 1.0:
+            size = (e - 1.0 + math.sqrt((1.0 - e) ** 2 + 4.0 * e * size)) / (2.0 * e)
+        return math.copysign(size, throttle)
 
     def _paddles(self, steer_us: int, throttle_us: int) -> tuple[float, float]:
         steer = self._steer_input.fraction(steer_us)

@@ -6,14 +6,17 @@ truth, so that both estimators are given the same scans.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from time import perf_counter
+from dataclasses import dataclass, replace
+from time import perf_counter, thread_time
 from typing import Any
 
 import numpy as np
+from numpy.random import Generator
 
 from twinscrew.hil_sim.bench.quotient import DifferenceQuotient
+from twinscrew.hil_sim.bench.timing import garbage_at_rest
 from twinscrew.hil_sim.bench.tracking_score import Truth, VelocityScore
 from twinscrew.hil_sim.scenario import load_scenario
 from twinscrew.hil_sim.world import World, make_world
@@ -31,8 +34,14 @@ from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.load import Policy, load_policy
 from twinscrew.runtime.policy.observation import observe
+from twinscrew.runtime.senses.ais import SOURCE as AIS
+from twinscrew.runtime.senses.radar import SOURCE as RADAR
+from twinscrew.runtime.tracking.detections import Look as DetectionLook
+from twinscrew.runtime.tracking.detections import positions
 from twinscrew.runtime.tracking.lidar import SensorView
-from twinscrew.runtime.tracking.tracker import Tracker
+from twinscrew.runtime.tracking.named import Report
+from twinscrew.runtime.tracking.track import Named
+from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
 
 EPISODES, VESSELS, BUOYS = 12, 5, 4
 SENSOR = "vrx32"
@@ -43,6 +52,8 @@ BORN_S = 1.0
 OWN = 0
 """The vessel that looks."""
 THRUST_N = (-500.0, 1000.0)
+TARGETS = (5, 20, 100)
+"""[-] Targets with which the time of a step is measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +83,7 @@ def run() -> dict[str, Any]:
             "kalman": kalman.figures(),
             "difference_quotient": quotient.figures(),
             "identities_per_object": (seen + switches) / max(1, seen),
+            "targets": {str(count): steps_of(count) for count in TARGETS},
             "step_p50_ms": float(np.percentile(step_ms, 50)),
             "step_p99_ms": float(np.percentile(step_ms, 99)),
         }
@@ -146,6 +158,74 @@ def looks(seed: int, sensor: str = SENSOR, perception: Perception | None = None)
         if scan % scans_a_decision == 0:
             thrust = np.array([_decide(world, v, policies[v], thrust[v]) for v in range(VESSELS)])
         world.advance(SCAN_S, thrust)
+
+
+def steps_of(count: int, scans: int = 300) -> dict[str, float]:
+    """Give the processor time of a step [ms] with so many targets: LiDAR alone, and all senses.
+
+    The targets lie 3 m apart in rows, a third of them under way. With all senses each reports
+    itself by AIS every 10 s, and a radar sees them every 2.5 s; the time of their looks counts for
+    the step before which they are taken in.
+    """
+    rng, side = np.random.default_rng(count), math.ceil(math.sqrt(count))
+    first_N = 3.0 * np.stack(np.divmod(np.arange(count), side), axis=1) + 4.0
+    v_N = np.where((np.arange(count) % 3 == 0)[:, None], rng.normal(0.0, 0.5, (count, 2)), 0.0)
+    figures: dict[str, float] = {}
+    for name, sources in (("lidar", {}), ("all", {"ais": AIS, "radar": RADAR})):
+        tracker, times = Tracker(TrackerSettings(sources=sources)), []
+        with garbage_at_rest():
+            for k in range(scans):
+                stamp_ns, p_N = round(k * SCAN_S * 1e9), first_N + v_N * k * SCAN_S
+                seen_N = p_N + rng.normal(0.0, 0.02, p_N.shape)
+                here = _at_the_origin(stamp_ns)
+                objects = Objects(
+                    stamp_ns=stamp_ns,
+                    p_L=seen_N,
+                    radius=np.full(count, 1.0),
+                    points=np.full(count, 100),
+                )
+                looks = _looks_of(k, stamp_ns, p_N, v_N, rng) if sources else []
+                begin_s = thread_time()
+                for look in looks:
+                    tracker.take(look)
+                tracker.step(objects, here)
+                times.append(thread_time() - begin_s)
+        p50, p99 = np.percentile(1e3 * np.array(times[20:]), [50, 99])
+        figures |= {f"{name}_p50_ms": round(float(p50), 3), f"{name}_p99_ms": round(float(p99), 3)}
+    return figures
+
+
+def _at_the_origin(stamp_ns: int) -> Odometry:
+    return Odometry(
+        stamp_ns=stamp_ns,
+        position_N=np.zeros(3),
+        q_NB=np.array([1.0, 0.0, 0.0, 0.0]),
+        velocity_B=np.zeros(3),
+        rates_B=np.zeros(3),
+    )
+
+
+def _looks_of(
+    k: int, stamp_ns: int, p_N: Float64, v_N: Float64, rng: Generator
+) -> list[DetectionLook]:
+    """Give what AIS and radar say before a scan: a tenth of a second of each."""
+    looks = []
+    for target in range(k % 100, len(p_N), 100):
+        named = Named(f"{target:09d}", "", 1.0, 0.5, 1.1, math.nan, stamp_ns + 60 * 10**9)
+        look = _positions(p_N[target : target + 1], stamp_ns, "ais", 6.0, rng)
+        looks.append(replace(look, extras=[Report(named, v_N[target])]))
+    if k % 25 == 0:
+        looks.append(_positions(p_N, stamp_ns, "radar", 2.0, rng))
+    return looks
+
+
+def _positions(
+    p_N: Float64, stamp_ns: int, source: str, sigma_m: float, rng: Generator
+) -> DetectionLook:
+    seen_N = p_N + rng.normal(0.0, 0.5 * sigma_m, p_N.shape)
+    return positions(
+        seen_N, np.zeros(2), sigma_m=sigma_m, sigma_rad=0.015, stamp_ns=stamp_ns, source=source
+    )
 
 
 def truth_around(world: World, own: int) -> Truth:

@@ -18,8 +18,15 @@ from twinscrew.hil_sim.bridges.ardupilot_fleet import ArduPilotSettings
 from twinscrew.hil_sim.commands.sitl_answer import tell
 from twinscrew.hil_sim.commands.sitl_progress import sail_shown
 from twinscrew.hil_sim.drivers.vrx import as_vrx_names_it
-from twinscrew.hil_sim.scenario import Scenario, load_scenario
-from twinscrew.hil_sim.sitl_settings import AutopilotKind, Interface, OdometrySource, SitlSettings
+from twinscrew.hil_sim.scenario import Scenario, load_scenario, on_trial
+from twinscrew.hil_sim.sensors.marine import AisTransponders, MarineSettings, RadarUnit
+from twinscrew.hil_sim.sitl_settings import (
+    AutopilotKind,
+    Interface,
+    OdometrySource,
+    SitlSettings,
+    check,
+)
 from twinscrew.hil_sim.summary import write_summary
 from twinscrew.hil_sim.viewer.process import viewer
 from twinscrew.hil_sim.viewer.scene import SCENE_FILE, write_scene
@@ -43,6 +50,13 @@ def sitl(
     policy: Annotated[
         str, typer.Option(help="apf, mpc, a name in config/policies, or an ONNX file.")
     ] = "ac_iqn",
+    trial: Annotated[
+        str,
+        typer.Option(help="Sail a trial, not to goals: straight, zigzag, circle, stop or all."),
+    ] = "",
+    believed: Annotated[
+        str, typer.Option(help="What the runtimes take the vessels for: a name, or a file.")
+    ] = "",
     lockstep: Annotated[
         bool, typer.Option("--lockstep", help="In one process, as fast as it goes, determined.")
     ] = False,
@@ -88,6 +102,12 @@ def sitl(
     odometry: Annotated[
         OdometrySource, typer.Option(help="Where the runtimes take odometry from.")
     ] = OdometrySource.BUS,
+    ais: Annotated[
+        bool, typer.Option("--ais", help="Ships report themselves, and the runtimes use it.")
+    ] = False,
+    radar: Annotated[
+        bool, typer.Option("--radar", help="Vessels have a radar beside their LiDAR.")
+    ] = False,
     write_params: Annotated[
         bool, typer.Option("--write-params", help="Write autopilot parameters that are wrong.")
     ] = False,
@@ -125,9 +145,11 @@ def sitl(
 ) -> None:
     """Sail simulated vessels with the real runtime, sensors to thrust.
 
-    Exit status 0 if every vessel arrived and every promise was kept, 1 if not, 2 for a usage or
-    set-up error.
+    Exit status 0 if every vessel arrived (or sailed its trial to the end) and every promise was
+    kept, 1 if not, 2 for a usage or set-up error.
     """
+    if trial and vessels is None and scenario == "random":
+        vessels = max(1, len(vessel or ()))
     made = _with_limit(load_scenario(scenario, vessels, buoys, seed, vessel or ()), max_time)
     if interface is Interface.VRX:
         made = as_vrx_names_it(made)
@@ -139,6 +161,9 @@ def sitl(
         raise ConfigError("only with --autopilot ardupilot", key="--ardupilot-memory")
     settings = SitlSettings(
         policy=policy,
+        trial=trial,
+        trial_time_s=max_time or SitlSettings().trial_time_s,
+        believed=believed,
         seed=seed,
         lockstep=lockstep,
         processes=processes,
@@ -149,6 +174,9 @@ def sitl(
             first_instance=ardupilot_instance,
         ),
         odometry=odometry,
+        marine=MarineSettings(
+            ais=AisTransponders() if ais else None, radar=RadarUnit() if radar else None
+        ),
         write_params=write_params,
         faults=faults,
         ground=ground,
@@ -159,6 +187,9 @@ def sitl(
         zenoh_port=zenoh_port,
         zenoh_connect=tuple(zenoh_connect or ()),
     )
+    if trial:
+        check(settings)
+        made = on_trial(made, trial, settings.trial_time_s)
     console = Console(stderr=True)
     with ExitStack() as stack:
         folder = stack.enter_context(_new_folder(out))
@@ -166,9 +197,8 @@ def sitl(
         if not as_json:
             pace = "in step" if lockstep else "in real time"
             many = f"{made.vessels} vessel{'s' if made.vessels > 1 else ''}"
-            console.print(
-                f"{many}, {escape(made.name)}, seed {seed}, policy {escape(policy)}, {pace}"
-            )
+            drives = f"trial {escape(trial)}" if trial else f"policy {escape(policy)}"
+            console.print(f"{many}, {escape(made.name)}, seed {seed}, {drives}, {pace}")
         shown = None
         if view and not lockstep:
             shown = stack.enter_context(viewer("run", folder, port, orders=orders))

@@ -25,6 +25,7 @@ from twinscrew.hil_sim.last_words import ended
 from twinscrew.runtime.bus.steps import Asker
 from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.errors import BusError, LinkError
+from twinscrew.runtime.link.ardupilot.thrust import PaddleSettings
 from twinscrew.runtime.messages.types import Float64, Odometry
 from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
 from twinscrew.runtime.vessel.lockstep import SERVICE, Orders, Rest, Step, SteppedRuntime
@@ -38,6 +39,10 @@ class Stepped(Protocol):
     @property
     def engaged(self) -> bool:
         """Whether the policy has the propellers."""
+
+    @property
+    def trial_outcome(self) -> str:
+        """The event that ended its trial, once the boat has braked; empty before."""
 
     def deliver(self, topic: str, payload: bytes, now_s: float) -> bytes:
         """Take in a message, and give the MAVLink bytes that it makes the runtime send at once."""
@@ -62,15 +67,18 @@ class SteppedCrew:
         runtimes: Sequence[Stepped],
         configs: Sequence[RuntimeConfig],
         autopilot: RoverAutopilotSettings | None = None,
+        propellers: Sequence[PaddleSettings] = (),
     ) -> None:
-        """Give each of the runtimes an autopilot."""
+        """Give each of the runtimes an autopilot.
+
+        `propellers` say what the autopilots' outputs mean; none: what the runtimes take them for.
+        """
         settings = autopilot or RoverAutopilotSettings()
         self._runtimes = runtimes
+        scales = propellers or [config.autopilot.paddles for config in configs]
         self._autopilots = [
-            RoverAutopilot(
-                replace(settings, paddles=config.autopilot.paddles), config.autopilot.system_id
-            )
-            for config in configs
+            RoverAutopilot(replace(settings, paddles=scale), config.autopilot.system_id)
+            for config, scale in zip(configs, scales, strict=True)
         ]
 
     def deliver(self, vessel: int, topic: str, payload: bytes, now_s: float) -> None:
@@ -88,6 +96,10 @@ class SteppedCrew:
     def is_ready(self, vessel: int) -> bool:
         """See `Crew`."""
         return self._runtimes[vessel].engaged
+
+    def trial_outcome(self, vessel: int) -> str:
+        """See `Crew`."""
+        return self._runtimes[vessel].trial_outcome
 
     def why_not_ready(self, vessel: int) -> str:
         """See `Crew`."""
@@ -128,13 +140,14 @@ class LockstepCrew(SteppedCrew):
         epoch_ns: int,
         autopilot: RoverAutopilotSettings | None = None,
         pipelines: Sequence[Pipeline | None] | None = None,
+        propellers: Sequence[PaddleSettings] = (),
     ) -> None:
         """Start them; `pipelines` are in place of the configured ones."""
         self.vessels = [
             SteppedRuntime(config, epoch_ns=epoch_ns, pipeline=pipeline)
             for config, pipeline in zip(configs, pipelines or [None] * len(configs), strict=True)
         ]
-        super().__init__(self.vessels, configs, autopilot)
+        super().__init__(self.vessels, configs, autopilot, propellers)
 
 
 # -- Lock-step across processes: each vessel's runtime in one of its own, led over Zenoh.
@@ -174,6 +187,11 @@ class RemoteRuntime:
     def engaged(self) -> bool:
         """See `Stepped`."""
         return self._rest.engaged
+
+    @property
+    def trial_outcome(self) -> str:
+        """See `Stepped`."""
+        return self._rest.trial_outcome
 
     @property
     def pid(self) -> int:
@@ -254,9 +272,10 @@ class ProcessCrew(SteppedCrew):
         *,
         epoch_ns: int,
         autopilot: RoverAutopilotSettings | None = None,
+        propellers: Sequence[PaddleSettings] = (),
     ) -> None:
         self.vessels: list[RemoteRuntime] = []
-        super().__init__(self.vessels, configs, autopilot)
+        super().__init__(self.vessels, configs, autopilot, propellers)
         self._configs = configs
         self._epoch_ns = epoch_ns
         self._stack = ExitStack()

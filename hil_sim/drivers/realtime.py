@@ -38,7 +38,10 @@ from twinscrew.runtime.safety.events import (
     INPUT_RECOVERED,
     OF_THE_AUTOPILOT,
 )
+from twinscrew.runtime.senses.nmea import NmeaSettings
+from twinscrew.runtime.senses.table import sense_topics
 from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
+from twinscrew.runtime.vessel.trial import TRIAL_ENDS
 
 
 class Fleet(Protocol):
@@ -244,10 +247,12 @@ class RealtimeCrew:
         self._buses: list[ZenohBus] = []
         self._runtimes: list[RuntimeProcess] = []
         self._engaged = [False] * len(configs)
+        self._trials = [""] * len(configs)
         self._troubles = [Troubles() for _ in configs]
         self._ready_since: dict[int, float] = {}
         self._now_s = 0.0
         self._begin_s: float | None = None
+        self._nmea: dict[int, UdpTransport] = {}
         self.endpoint = ""
         """Where the simulator's Zenoh listens, once it does."""
         self.late_s = 0.0
@@ -280,8 +285,15 @@ class RealtimeCrew:
         self.close()
 
     def deliver(self, vessel: int, topic: str, payload: bytes, now_s: float) -> None:  # noqa: ARG002
-        """See `Crew`; odometry that the runtime makes itself is its own to publish."""
-        if topic in inputs_of(self._configs[vessel]):
+        """See `Crew`; odometry that the runtime makes itself is its own to publish.
+
+        Sentences of NMEA go as a receiver sends them: as lines, in datagrams.
+        """
+        if topic == "nmea" and vessel in self._nmea:
+            with contextlib.suppress(MessageError):  # of a line that a fault has damaged
+                text = cdr.decode_sentence(payload).text
+                self._nmea[vessel].send(f"{text}\r\n".encode(errors="replace"))
+        elif topic in inputs_of(self._configs[vessel]):
             self._buses[vessel].publish(topic, payload)
 
     def exchange(self, vessel: int, now_s: float, odometry: Odometry) -> None:
@@ -295,6 +307,10 @@ class RealtimeCrew:
         """See `Crew`."""
         since_s = self._ready_since.get(vessel)
         return since_s is not None and self._now_s - since_s >= SETTLE_S
+
+    def trial_outcome(self, vessel: int) -> str:
+        """See `Crew`; a boat that was stopped early may still brake."""
+        return self._trials[vessel]
 
     def why_not_ready(self, vessel: int) -> str:
         """See `Crew`."""
@@ -353,6 +369,8 @@ class RealtimeCrew:
         """Stop every process, and wait for it."""
         see_off(self._runtimes)
         self._fleet.close()
+        for line in self._nmea.values():
+            line.close()
         for bus in self._buses[:1]:  # they share one session
             bus.close()
 
@@ -369,7 +387,13 @@ class RealtimeCrew:
             wait_s=self._fleet.patience_s,
         )
         bus = msgspec.structs.replace(config.bus, connect=(f"tcp/{LOOPBACK}:{port}",))
-        return msgspec.structs.replace(config, autopilot=autopilot, bus=bus)
+        senses = config.senses
+        if "nmea" in sense_topics(senses):
+            port = free_port()
+            self._nmea[vessel] = UdpTransport(LOOPBACK, port, listens=False)
+            receiver = NmeaSettings(connections=(f"udpin:{LOOPBACK}:{port}",))
+            senses = msgspec.structs.replace(senses, nmea=receiver)
+        return msgspec.structs.replace(config, autopilot=autopilot, bus=bus, senses=senses)
 
     def _wait_for_runtimes(self) -> None:
         for config, bus in zip(self._configs, self._buses, strict=True):
@@ -386,6 +410,8 @@ class RealtimeCrew:
         """Take health events, in Zenoh's thread; those of the autopilot are for the user."""
         with contextlib.suppress(MessageError):
             for event in cdr.decode_diagnostics(message.payload):
+                if event.name in TRIAL_ENDS:
+                    self._trials[vessel] = event.name
                 is_new = self._troubles[vessel].note(event)
                 if self._tell is not None and is_new and event.name in OF_THE_AUTOPILOT:
                     self._tell(f"{self._configs[vessel].name}: {event.name}: {event.detail}")

@@ -13,15 +13,18 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
+from msgspec import structs
 
 from twinscrew.hil_sim.scene import rotations
+from twinscrew.hil_sim.sensors.marine import MarineSensors
 from twinscrew.hil_sim.sensors.navigation import Navigation
-from twinscrew.hil_sim.supervisor import Result, Supervisor, SupervisorSettings
+from twinscrew.hil_sim.supervisor import Outcome, Result, Supervisor, SupervisorSettings
 from twinscrew.hil_sim.trajectory import TrajectoryLog
 from twinscrew.hil_sim.world import World
 from twinscrew.runtime.errors import LinkError
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Goal, Odometry
+from twinscrew.runtime.safety.events import TRIAL_DONE
 
 ODOMETRY_S = 0.05
 """[s] 20 Hz (parameters.md, Sensors)."""
@@ -43,6 +46,9 @@ class Crew(Protocol):
 
     def is_ready(self, vessel: int) -> bool:
         """Tell whether a vessel's autopilot is armed and takes commands."""
+
+    def trial_outcome(self, vessel: int) -> str:
+        """Give the event that ended a vessel's trial; empty while it goes on, or there is none."""
 
     def why_not_ready(self, vessel: int) -> str:
         """Say what keeps a vessel from sailing, as far as it is known; empty if it is not."""
@@ -73,8 +79,8 @@ class VoyageResult:
 
     @property
     def success(self) -> bool:
-        """True if every vessel reached its goal."""
-        return all(r.outcome is not None and r.outcome.value == "goal" for r in self.results)
+        """True if every vessel reached its goal, or sailed its trial to the end."""
+        return all(r.outcome in (Outcome.GOAL, Outcome.DONE) for r in self.results)
 
 
 class Voyage:
@@ -90,6 +96,7 @@ class Voyage:
         supervisor: SupervisorSettings | None = None,
         progress: Callable[[float, tuple[Result, ...]], None] | None = None,
         navigation: Navigation | None = None,
+        marine: MarineSensors | None = None,
     ) -> None:
         """Prepare a voyage.
 
@@ -103,6 +110,8 @@ class Voyage:
             Called with the simulated time and the present results, every odometry tick.
         navigation
             The vessels' GPS and IMU, if their runtimes want them.
+        marine
+            Their AIS receivers and radars, if they have any.
         """
         self._world = world
         self._crew = crew
@@ -111,6 +120,7 @@ class Voyage:
         self._supervisor_settings = supervisor
         self._progress = progress
         self._navigation = navigation
+        self._marine = marine
         self._vessels = range(world.scenario.vessels)
         self._phases = round(ODOMETRY_S / crew.exchange_s)
         self._measured: dict[int, Odometry] = {}
@@ -129,6 +139,30 @@ class Voyage:
         supervisor = self._cast_off()
         while not supervisor.over:
             self._tick()
+        return VoyageResult(
+            results=supervisor.results(), log=self._log, duration_s=self._world.time_s
+        )
+
+    def trial(self) -> VoyageResult:
+        """Let the vessels sail their trials, each until its own is over; errors as `run`.
+
+        They get no goals: an order would end a trial.
+        """
+        self._wait_at_the_dock()
+        for i in self._vessels:
+            self._world.release(i)
+        settings = structs.replace(
+            self._supervisor_settings or SupervisorSettings(), goals_count=False
+        )
+        self._supervisor = supervisor = Supervisor(self._world, settings)
+        while not supervisor.over:
+            self._tick()
+            for i in self._vessels:
+                outcome = self._crew.trial_outcome(i)
+                if outcome and not self._ended(i):
+                    done = outcome == TRIAL_DONE.name
+                    supervisor.finish(i, Outcome.DONE if done else Outcome.ENDED)
+                    self._crew.retire(i)
         return VoyageResult(
             results=supervisor.results(), log=self._log, duration_s=self._world.time_s
         )
@@ -218,12 +252,11 @@ class Voyage:
                 self._deliver(i, "points", cdr.encode_point_cloud(cloud))
 
     def _navigate(self) -> None:
-        """Hand on what GPS and IMU have measured meanwhile."""
-        if self._navigation is None:
-            return
-        for sensed in self._navigation.take():
-            if not self._ended(sensed.vessel):
-                self._deliver(*sensed)
+        """Hand on what GPS and IMU, AIS receiver and radar have measured meanwhile."""
+        for sensors in (self._navigation, self._marine):
+            for sensed in () if sensors is None else sensors.take():
+                if not self._ended(sensed.vessel):
+                    self._deliver(*sensed)
 
     def _deliver(self, vessel: int, topic: str, payload: bytes) -> None:
         self._crew.deliver(vessel, topic, payload, self._world.time_s)

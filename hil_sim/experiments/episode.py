@@ -12,7 +12,7 @@ import math
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,8 +92,9 @@ def surroundings(world: World, vessel: int, reach_m: float) -> Surroundings:
     ConfigError
         The scenario has quays: they are no circles.
     """
-    if len(world.scenario.quays):
-        raise ConfigError("a quay is no circle: not with ideal perception", key="--ablate")
+    if len(world.scenario.quays) or world.scenario.traffic:
+        what = "a quay" if len(world.scenario.quays) else "a ship"
+        raise ConfigError(f"{what} is no circle: not with ideal perception", key="--ablate")
     bodies = world.bodies()
     buoys = world.scenario.buoys[:, 2]
     radius = np.r_[[vessel.contact_radius_m for vessel in world.vessels], buoys]
@@ -167,7 +168,7 @@ class DirectCrew(LockstepCrew):
 
 # -- What an experiment must remember: what a vessel touched, how often the assurance stepped in.
 
-Touched = Literal["vessel", "buoy", "quay"]
+Touched = Literal["vessel", "buoy", "quay", "traffic"]
 
 
 class WitnessWorld(World):
@@ -185,10 +186,12 @@ class WitnessWorld(World):
         super().remove(vessel)
 
     def _kind(self, column: int) -> Touched:
-        """Say what a column of the gaps is: vessels come first, then buoys, then quays."""
-        if column < self.scenario.vessels:
-            return "vessel"
-        return "buoy" if column < self.scenario.vessels + len(self.scenario.buoys) else "quay"
+        """Say what a column of the gaps is: vessels, buoys, quays, traffic."""
+        ends = np.cumsum(
+            [self.scenario.vessels, len(self.scenario.buoys), len(self.scenario.quays)]
+        )
+        kinds: tuple[Touched, ...] = ("vessel", "buoy", "quay", "traffic")
+        return kinds[int(np.searchsorted(ends, column, side="right"))]
 
 
 class WitnessAssurance(Assurance):
@@ -254,13 +257,20 @@ def cause(vessels: tuple[VesselRecord, ...]) -> Cause | None:
     return "vessel" if first.touched == "vessel" else "buoy"
 
 
+ENDED: Final[dict[Outcome | None, Literal["goal", "collision", "timeout"]]] = {
+    Outcome.GOAL: "goal",
+    Outcome.COLLISION: "collision",
+}
+"""How voyages to goals end, otherwise by time."""
+
+
 def _vessels(
     world: WitnessWorld, crew: LockstepCrew, voyage: VoyageResult
 ) -> tuple[VesselRecord, ...]:
     energy = voyage.log.energy_ns()
     return tuple(
         VesselRecord(
-            outcome=result.outcome.value if result.outcome else "timeout",
+            outcome=ENDED.get(result.outcome, "timeout"),
             touched=world.touched.get(i),
             travel_time_s=round(result.travel_time_s, 3),
             closest_approach_m=_finite(result.closest_approach_m),

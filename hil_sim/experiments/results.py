@@ -34,7 +34,7 @@ class VesselRecord(Settings, frozen=True, kw_only=True):
     """How one vessel fared."""
 
     outcome: Literal["goal", "collision", "timeout"]
-    touched: Literal["vessel", "buoy", "quay"] | None = None
+    touched: Literal["vessel", "buoy", "quay", "traffic"] | None = None
     """What it hit, if it did."""
     travel_time_s: float
     """[s] Simulated time to the outcome."""

@@ -13,6 +13,7 @@ from numpy.random import Generator
 
 from twinscrew.hil_sim.autopilot.parameters import Parameters
 from twinscrew.hil_sim.drivers.realtime import RealtimeCrew
+from twinscrew.hil_sim.faults.ais import LyingStation
 from twinscrew.hil_sim.faults.effects import (
     Corrupting,
     Delaying,
@@ -125,6 +126,8 @@ def effect_of(
             return Freezing(last, stamps_move=given.stamps == "moving")
         case "clock_jump":
             return Jumping(given)
+        case "ais":
+            return LyingStation(given, rng)
         case "wrong_ids":
             return Impersonating(given)
         case "noise":

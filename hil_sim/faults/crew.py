@@ -128,6 +128,10 @@ class FaultyCrew:
         """See `Crew`."""
         return self._crew.is_ready(vessel)
 
+    def trial_outcome(self, vessel: int) -> str:
+        """See `Crew`."""
+        return self._crew.trial_outcome(vessel)
+
     def why_not_ready(self, vessel: int) -> str:
         """See `Crew`."""
         return self._crew.why_not_ready(vessel)

@@ -11,7 +11,7 @@ from msgspec import Meta
 from twinscrew.runtime.settings import Count, Fraction, NonNegative, Positive, Settings
 
 SENSORS: Final = ("points", "odometry", "gps", "imu", "sensors")
-TOPICS: Final = (*SENSORS, "goal", "enable")
+TOPICS: Final = (*SENSORS, "nmea", "radar", "goal", "enable")
 """`sensors` is all of them: a clock that they share, or a cable."""
 MAVLINK: Final = ("to_autopilot", "from_autopilot", "mavlink")
 """Directions of the line to the autopilot; `mavlink` is both."""
@@ -101,6 +101,14 @@ class Cut(Settings, frozen=True):
     """As if a cable was pulled: nothing arrives, and nobody is told. Else it is closed."""
 
 
+class FalseAis(Settings, frozen=True):
+    """A station says on AIS what is not so."""
+
+    does: Literal["jump", "spoof", "duplicate", "own", "flood", "garbage"]
+    """A ship is elsewhere now and then; has a speed no ship has; is in two places; is the own
+    vessel; is one of hundreds; is no sentence at all."""
+
+
 class Hog(Settings, frozen=True):
     """Others want the processor."""
 
@@ -162,6 +170,7 @@ KINDS: Final[Mapping[str, Kind]] = {
     "freeze": Kind(SENSORS, Freeze),
     "noise": Kind(("points", "odometry"), Noise),
     "clock_jump": Kind(SENSORS, ClockJump),
+    "ais": Kind(("nmea",), FalseAis),
     "wrong_ids": Kind(MAVLINK, WrongIds),
     "kill": Kind(("runtime", "autopilot"), Nothing),
     "hang": Kind(("runtime", "autopilot"), Nothing),

@@ -22,7 +22,7 @@ from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Float64, Odometry
 
 SENSORS = ("points", "odometry", "gps", "imu")
-TOPICS = (*SENSORS, "goal", "enable")
+TOPICS = (*SENSORS, "nmea", "radar", "goal", "enable")
 
 
 class Berth:

@@ -11,10 +11,19 @@ from twinscrew.hil_sim.faults.assemble import faulty_crew, verdicts
 from twinscrew.hil_sim.faults.plan import FaultPlan
 from twinscrew.hil_sim.faults.verdict import Verdict
 from twinscrew.hil_sim.faults.waters import lanes
+from twinscrew.hil_sim.sensors.marine import (
+    OWN_MMSI,
+    AisTransponders,
+    MarineSensors,
+    MarineSettings,
+)
+from twinscrew.hil_sim.sitl_runtimes import DATUM
 from twinscrew.hil_sim.world import make_world
 from twinscrew.runtime.link.ardupilot.link import AutopilotSettings
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.recording.settings import RecordingSettings
+from twinscrew.runtime.senses.ais import AisSettings
+from twinscrew.runtime.senses.table import SensesSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig
 
 SENSOR = "vrx32"
@@ -47,25 +56,32 @@ def try_out(
     """
     tell(", ".join(plan.name for plan in plans))
     duration_s = max(plan.end_s + plan.settle_s for plan in plans)
-    scenario = lanes(len(plans), duration_s)
+    hears = [any(fault.target == "nmea" for fault in plan.fault) for plan in plans]
+    scenario = lanes(len(plans), duration_s, ship=any(hears))
     world = make_world(scenario, sensor=SENSOR, seed=seed)
     folders = [folder / plan.name for plan in plans]
     configs = [
-        config_of(scenario.names[i], i + 1, folders[i], plan.autopilot)
+        config_of(scenario.names[i], i + 1, folders[i], plan.autopilot, hears=hears[i])
         for i, plan in enumerate(plans)
     ]
+    receivers = MarineSettings(ais=AisTransponders(own_vessels=False, loss=0.0))
+    marine = MarineSensors(world, receivers, DATUM) if any(hears) else None
     with punctual(), faulty_crew(world, configs, folders, plans, seed) as crew:
-        Voyage(world, crew, scan_s=1.0 / load_sensor(SENSOR).rate_hz).run()
+        Voyage(world, crew, scan_s=1.0 / load_sensor(SENSOR).rate_hz, marine=marine).run()
     return list(verdicts(crew, plans, folders).values())
 
 
-def config_of(name: str, system_id: int, folder: Path, kind: str = "ardupilot") -> RuntimeConfig:
-    """Give the configuration of a vessel whose troubles are watched."""
+def config_of(
+    name: str, system_id: int, folder: Path, kind: str = "ardupilot", *, hears: bool = False
+) -> RuntimeConfig:
+    """Give the configuration of a vessel whose troubles are watched; `hears`: it has AIS."""
+    ais = AisSettings(datum=DATUM, own_mmsi=OWN_MMSI) if hears else None
     return RuntimeConfig(
         name=name,
         sensor=SENSOR,
         autopilot=AutopilotSettings(
             kind=kind, system_id=system_id, arm=True, receiver_fitted=False
         ),
+        senses=SensesSettings(ais=ais),
         recording=RecordingSettings(folder=str(folder)),
     )

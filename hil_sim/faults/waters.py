@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from twinscrew.hil_sim.scenario import Scenario
+from twinscrew.hil_sim.traffic import TrafficEntry
 from twinscrew.runtime.vessel_description import DEFAULT
 
 LANE_M = 80.0
@@ -21,8 +22,19 @@ BUOY_RADIUS_M = 0.75
 """[m] As in the paper's maps."""
 
 
-def lanes(count: int, duration_s: float) -> Scenario:
-    """Make a scenario: every vessel sails north, for a time [s]."""
+SHIP = TrafficEntry(
+    start_m=(600.0, -400.0),
+    course_deg=90.0,
+    speed_mps=4.0,
+    length_m=30.0,
+    beam_m=8.0,
+    name="HONEST",
+)
+"""A ship that reports itself, far from the lanes."""
+
+
+def lanes(count: int, duration_s: float, *, ship: bool = False) -> Scenario:
+    """Make a scenario: every vessel sails north, for a time [s]; `ship`: one reports itself."""
     east = LANE_M * np.arange(count)
     north = np.arange(0.0, GOAL_M, BUOY_EVERY_M)
     side = np.where(np.arange(len(north)) % 2, BUOY_ASIDE_M, -BUOY_ASIDE_M)
@@ -40,4 +52,5 @@ def lanes(count: int, duration_s: float) -> Scenario:
         sea="paper",
         time_limit_s=duration_s,
         goal_radius=2.0,
+        traffic=(SHIP,) if ship else (),
     )

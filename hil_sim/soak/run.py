@@ -26,6 +26,7 @@ from twinscrew.hil_sim.soak.vessels import (
     fits_under_way,
     joined,
     look_back,
+    needs_ais,
     spares_the_runtime,
     waits,
 )
@@ -97,7 +98,11 @@ def plans_for(vessel: int) -> list[FaultPlan]:
     """Give the shipped faults that may happen to a vessel; only the first one's runtime dies."""
     names = sorted(path.stem for path in (CONFIG_DIR / "faults").glob("*.toml"))
     shipped = [plan for plan in map(load_plan, names) if plan.autopilot == "ardupilot"]
-    plans = [plan for plan in shipped if comes_to_an_end(plan) and fits_under_way(plan)]
+    plans = [
+        plan
+        for plan in shipped
+        if comes_to_an_end(plan) and fits_under_way(plan) and not needs_ais(plan)
+    ]
     return plans if vessel == 0 else [plan for plan in plans if spares_the_runtime(plan)]
 
 

@@ -83,6 +83,11 @@ def spares_the_runtime(plan: FaultPlan) -> bool:
     return not any(f.kind == "kill" and f.target == "runtime" for f in plan.fault)
 
 
+def needs_ais(plan: FaultPlan) -> bool:
+    """Tell whether a plan is about AIS, which the soak's vessels do not have."""
+    return any(fault.target == "nmea" for fault in plan.fault)
+
+
 def comes_to_an_end(plan: FaultPlan) -> bool:
     """Tell whether the boat sails again afterwards: a pilot who keeps it would end the soak."""
     return plan.promise is None or not plan.promise.rests

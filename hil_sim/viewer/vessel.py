@@ -91,6 +91,8 @@ OUTCOMES: Final = {
     "goal": ("arrived", "info"),
     "collision": ("collided", "error"),
     "timeout": ("out_of_time", "warning"),
+    "done": ("trial_done", "info"),
+    "ended": ("trial_ended", "warning"),
 }
 """What the end of a vessel's run is called among its events, and how bad it is."""
 FALLS_SILENT_S = 0.3

@@ -39,10 +39,14 @@ def doctor(
             "--write-params", help="With --listen: write autopilot parameters that are wrong."
         ),
     ] = False,
+    recording: Annotated[
+        list[Path] | None,
+        typer.Option(help="Recorded trials: does the vessel's file predict them? Repeatable."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Check this machine and this installation, line by line; exit status 1 if a line says FAIL."""
-    from twinscrew.runtime.doctor.checks import Sources, Verdict, examine
+    from twinscrew.runtime.doctor.checks import Sources, Verdict, check_recordings, examine
     from twinscrew.runtime.errors import ConfigError
     from twinscrew.runtime.vessel.config import config_for, load_config
     from twinscrew.runtime.vessel_description import DEFAULT
@@ -61,6 +65,8 @@ def doctor(
         findings += listen_to(settings, listen, write_params=write_params)
     elif write_params:
         raise ConfigError("only with --listen", key="--write-params")
+    if recording:
+        findings += check_recordings(settings, recording)
     fit = all(finding.verdict is not Verdict.FAIL for finding in findings)
     rows = [(f.what, f.verdict.value, f.found, f.advice) for f in findings]
     if as_json:

@@ -37,6 +37,8 @@ SUMMARIES = {
     "soak": "Sail for long with faults at random, and look for what grows or breaks.",
     "view": "Show boats in a browser on this machine: under way, or from a recording.",
     "run": "Run one vessel's runtime: what is deployed on the boat.",
+    "trial": "Sail scripted manoeuvres on the boat, to identify its vessel from.",
+    "identify": "Identify a vessel's mass, drag and thrust from recorded trials.",
     "send": "Give a boat goals, and let it drive: what `ros2 topic pub` does, without ROS 2.",
     "train": "Train policies in the fast environment.",
     "train-report": "Draw the learning curves of training runs.",

@@ -11,9 +11,10 @@ import inspect
 import sys
 import textwrap
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from enum import Enum
 from itertools import pairwise
-from typing import Any
+from typing import Any, get_args
 
 import msgspec
 
@@ -42,11 +43,16 @@ def as_toml(
     Keys that follow something else are commented out.
     """
     meanings = _docstrings(type(settings))
-    groups = []
+    groups: list[tuple[str, Settings]] = []
+    absent: list[tuple[str, Settings]] = []
     for field in msgspec.structs.fields(settings):
         value = getattr(settings, field.name)
         if isinstance(value, Settings):
             groups.append((field.encode_name, value))
+            continue
+        default = _optional_group(field.type) if value is None else None
+        if default is not None:
+            absent.append((field.encode_name, default))
             continue
         yield from _comment(meanings.get(field.name, ""))
         if value is None:
@@ -61,6 +67,21 @@ def as_toml(
         own = meanings.get(name, "")
         yield from _comment(own or inspect.cleandoc(type(group).__doc__ or "").splitlines()[0])
         yield from as_toml(group, (*path, name), follows)
+    for name, group in absent:
+        yield ""
+        yield f"# [{'.'.join((*path, name))}]"
+        yield from _comment(inspect.cleandoc(type(group).__doc__ or "").splitlines()[0])
+        for line in as_toml(group, (*path, name)):
+            yield line if line.startswith("#") else f"# {line}"
+
+
+def _optional_group(type_: Any) -> Settings | None:
+    """Give the defaults of a table that is not there unless it is written; None: it has none."""
+    for part in get_args(type_):
+        if isinstance(part, type) and issubclass(part, Settings):
+            with suppress(TypeError):  # of keys without a default
+                return part()
+    return None
 
 
 def _docstrings(type_: type[Settings]) -> dict[str, str]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from msgspec.structs import replace
@@ -14,9 +15,12 @@ from twinscrew.runtime.vessel import one_thread  # noqa: F401  (before anything 
 
 # isort: split
 
-from twinscrew.runtime.vessel.approval import load_approved
+from twinscrew.runtime.vessel.approval import Approved, load_approved
 from twinscrew.runtime.vessel.consent import place_of, take
 from twinscrew.runtime.vessel.process import StopRequest, at_end_of_input, take_priority
+
+if TYPE_CHECKING:
+    from twinscrew.runtime.vessel.vessel import Vessel
 
 
 def run(
@@ -41,7 +45,18 @@ def run(
 
     With `autopilot.arm = true` it asks for arming only after `twinscrew consent`, once.
     """
-    approved = load_approved(config, manifest, public_key)
+    serve(load_approved(config, manifest, public_key), config, arm=arm, tethered=tethered)
+
+
+def serve(
+    approved: Approved,
+    source: Path,
+    *,
+    arm: bool = False,
+    tethered: bool = False,
+    until: Callable[[Vessel], bool] = lambda _vessel: False,
+) -> None:
+    """Run a vessel's runtime until a signal, or `until` says that it has done what it was for."""
     stop = StopRequest()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, stop.make)
@@ -52,26 +67,28 @@ def run(
         settings = replace(settings, autopilot=replace(settings.autopilot, arm=True))
     refused = take_priority(settings.priority)
     for words in refused:
-        _say(settings.name, f"ordinary priority: {words}")
+        say(settings.name, f"ordinary priority: {words}")
     withheld = None
     if settings.autopilot.arm:
-        withheld = take(place_of(config, settings.autopilot.consent_file))
+        withheld = take(place_of(source, settings.autopilot.consent_file))
     if withheld is not None:
         settings = replace(settings, autopilot=replace(settings.autopilot, arm=False))
-        _say(settings.name, f"asks for no arming: {withheld}")
+        say(settings.name, f"asks for no arming: {withheld}")
     from twinscrew.runtime.vessel.realtime import run_vessel  # Zenoh, after the priority
 
     summary = run_vessel(
         settings,
-        source=config,
+        source=source,
         stop=stop,
+        until=until,
         refused=refused,
         approval=str(approved.approval or ""),
         withheld=withheld or "",
-        ready=lambda: _say(settings.name, "running"),
+        ready=lambda: say(settings.name, "running"),
     )
-    _say(settings.name, f"{summary.decisions} decisions, stopped")
+    say(settings.name, f"{summary.decisions} decisions, stopped")
 
 
-def _say(name: str, words: str) -> None:
+def say(name: str, words: str) -> None:
+    """Tell the operator, at once."""
     print(f"{name}: {words}", file=sys.stderr, flush=True)

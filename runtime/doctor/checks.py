@@ -12,17 +12,19 @@ import re
 import shutil
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from importlib.metadata import PackageNotFoundError, version
+from functools import partial
+from importlib.metadata import EntryPoint, PackageNotFoundError, entry_points, version
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 from twinscrew.runtime.errors import ConfigError, TwinscrewError
-from twinscrew.runtime.messages.types import OBSERVED_OBJECTS, Observation
+from twinscrew.runtime.policy.observation import nothing_seen
 from twinscrew.runtime.settings import shipped
 from twinscrew.runtime.vessel.approval import load_approved
 from twinscrew.runtime.vessel.config import RuntimeConfig, sensor_of
@@ -361,11 +363,8 @@ def _policy_of(config: RuntimeConfig) -> Policy:
 def check_policy(config: RuntimeConfig) -> Finding:
     """Load the policy, and ask it the same thing twice."""
     policy = _policy_of(config)
-    blank = Observation(
-        ego=np.array([20, 0, 0, 0, 0, 0, 0], dtype=np.float32),
-        objects=np.zeros((OBSERVED_OBJECTS, 5), dtype=np.float32),
-        mask=np.zeros(OBSERVED_OBJECTS, dtype=np.float32),
-    )
+    blank = nothing_seen(policy.shown)
+    blank.ego[0] = 20.0
     first, second = policy.act(blank), policy.act(blank)
     found = f"{policy.name}, a decision every {policy.period_s:g} s"
     if not np.array_equal(first, second):
@@ -375,9 +374,12 @@ def check_policy(config: RuntimeConfig) -> Finding:
 
 def check_card(config: RuntimeConfig) -> Finding:
     """Compare the policy with the card beside it, and tell what the card says it can do."""
+    from twinscrew.runtime.policy.load import InHullUnits
     from twinscrew.runtime.policy.onnx import OnnxPolicy
 
     policy = _policy_of(config)
+    if isinstance(policy, InHullUnits):
+        policy = policy.policy
     if not isinstance(policy, OnnxPolicy):
         return ok("policy card", f"{policy.name} needs none: it is no trained file")
     path = shipped("policies", config.policy, ".onnx").with_suffix(".json")
@@ -405,6 +407,35 @@ def _judged(policy: OnnxPolicy, told: dict[str, Any], rates: list[float]) -> Fin
     if least < WORTHY:
         return warn("policy card", found, "a policy that fails this often is not for the water")
     return ok("policy card", found)
+
+
+CHECKS_OF_RECORDINGS: Final = "twinscrew.recording_checks"
+"""The group of entry points whose functions know what a recording says of the vessel's file; they
+are the simulator's, which a boat does not have."""
+
+
+def check_recordings(config: RuntimeConfig, recordings: Sequence[Path]) -> list[Finding]:
+    """Compare recorded trials with what the configured vessel would have done."""
+    checks = entry_points(group=CHECKS_OF_RECORDINGS)
+    if not any(_is_installed(check) for check in checks):
+        advice = "do it at a desk: pip install 'twinscrew[sim]'"
+        return [warn("recordings", "the simulator is not installed", advice)]
+    return [_guarded(check.name, partial(_compared, check, config, recordings)) for check in checks]
+
+
+def _is_installed(check: EntryPoint) -> bool:
+    try:
+        return find_spec(check.module) is not None
+    except ModuleNotFoundError:
+        return False
+
+
+def _compared(check: EntryPoint, config: RuntimeConfig, recordings: Sequence[Path]) -> Finding:
+    what = f"{check.name} {config.vessel}"
+    good, words = check.load()(recordings, config.vessel)
+    if good:
+        return ok(what, words)
+    return fail(what, words, "twinscrew identify RECORDING --vessel FILE --out NEW.toml")
 
 
 def examine(config: RuntimeConfig, folder: Path, sources: Sources | None = None) -> list[Finding]:

@@ -120,6 +120,9 @@ class Autopilot(Protocol):
     def events(self, now_s: float) -> tuple[HealthEvent, ...]:
         """Give what an operator should know: what began, ended or was said since the last call."""
 
+    def take_outputs(self) -> tuple[int, int] | None:
+        """Give what drives the propellers [us], left and right, if it was told since last asked."""
+
     @property
     def topics(self) -> tuple[str, ...]:
         """Names of the topics (`TOPICS`) that it wants to hear, beside its bytes."""
@@ -137,6 +140,12 @@ class Autopilot(Protocol):
         """Give the odometry that it told since the last call, stamped in the driver's time.
 
         It is used where `odometry_source = "autopilot"`.
+        """
+
+    def take_ais(self) -> list[tuple[float, str]]:
+        """Give what it has forwarded of AIS since the last call: age [s], sentence of NMEA 0183.
+
+        Empty for one that has no receiver.
         """
 
     def tell(self, messages: Iterable[Message]) -> None:

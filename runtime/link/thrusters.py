@@ -142,6 +142,9 @@ class ThrusterLink:
         """See `Autopilot`."""
         return ThrusterStatus(armed=self._armed, enabled=self._enabled)
 
+    def take_outputs(self) -> None:
+        """There are no pulses: thrusters take newtons."""
+
     def take_odometry(self) -> list[Odometry]:
         """See `Autopilot`; it tells none."""
         return []

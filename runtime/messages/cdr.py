@@ -10,6 +10,13 @@ from twinscrew.runtime.messages.decision import (
     encode_decision,
     encode_explanation,
 )
+from twinscrew.runtime.messages.marine import (
+    decode_radar_scan,
+    decode_sentence,
+    encode_detections,
+    encode_radar_scan,
+    encode_sentence,
+)
 from twinscrew.runtime.messages.navigation import (
     decode_clock,
     decode_enable,
@@ -61,9 +68,12 @@ __all__ = [
     "decode_odometry",
     "decode_path",
     "decode_point_cloud",
+    "decode_radar_scan",
+    "decode_sentence",
     "decode_thrust",
     "encode_clock",
     "encode_decision",
+    "encode_detections",
     "encode_diagnostics",
     "encode_enable",
     "encode_engagement",
@@ -76,6 +86,8 @@ __all__ = [
     "encode_odometry",
     "encode_path",
     "encode_point_cloud",
+    "encode_radar_scan",
+    "encode_sentence",
     "encode_shapes",
     "encode_thrust",
     "encode_track_markers",

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
 from twinscrew.runtime.errors import BusError, MessageError, one_of
+from twinscrew.runtime.messages import marine
 from twinscrew.runtime.messages.decision import DECISION_TYPE, EXPLANATION_TYPE
 from twinscrew.runtime.messages.navigation import (
     CLOCK_TYPE,
@@ -121,7 +122,7 @@ def type_store() -> Typestore:
 
     store = get_typestore(Stores.ROS2_JAZZY)
     types = {}
-    for name, text in OWN.items():
+    for name, text in (marine.DEFINITIONS | OWN).items():
         types.update(get_types_from_msg(text, name))
     store.register(types)
     return store
@@ -314,6 +315,26 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 core=True,
             ),
             Topic(
+                name="nmea",
+                key="sensors/nmea/sentence",
+                ros_type=marine.SENTENCE_TYPE,
+                direction=Direction.IN,
+                traffic=Traffic.COMMAND,
+                depth=512,
+                largest_b=1024,
+                core=True,
+            ),
+            Topic(
+                name="radar",
+                key="sensors/radar/scan",
+                ros_type=marine.RADAR_TYPE,
+                direction=Direction.IN,
+                traffic=Traffic.SENSOR,
+                depth=4,
+                largest_b=500_000,
+                core=True,
+            ),
+            Topic(
                 name="clock",
                 key="/clock",
                 ros_type=CLOCK_TYPE,
@@ -340,6 +361,24 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 traffic=Traffic.COMMAND,
                 rate_hz=20.0,
                 max_age_s=0.5,
+                largest_b=SMALL_B,
+            ),
+            Topic(
+                name="pwm_left",
+                key="thrusters/left/pwm",
+                ros_type=THRUST_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=10.0,
+                largest_b=SMALL_B,
+            ),
+            Topic(
+                name="pwm_right",
+                key="thrusters/right/pwm",
+                ros_type=THRUST_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=10.0,
                 largest_b=SMALL_B,
             ),
             Topic(
@@ -374,6 +413,22 @@ TOPICS: Final[Mapping[str, Topic]] = MappingProxyType(
                 direction=Direction.OUT,
                 traffic=Traffic.STATUS,
                 rate_hz=10.0,
+            ),
+            Topic(
+                name="detections",
+                key="tracking/detections",
+                ros_type=marine.DETECTIONS_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=10.0,
+            ),
+            Topic(
+                name="ais_targets",
+                key="ais/targets",
+                ros_type=marine.DETECTIONS_TYPE,
+                direction=Direction.OUT,
+                traffic=Traffic.STATUS,
+                rate_hz=1.0,
             ),
             Topic(
                 name="situation",

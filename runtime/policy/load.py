@@ -81,6 +81,11 @@ class InHullUnits:
         self._object = (1.0 / np.array([length, length, speed, speed, length])).astype(np.float32)
 
     @property
+    def sha256(self) -> str:
+        """The policy file's hash; empty if it is no file."""
+        return str(getattr(self.policy, "sha256", ""))
+
+    @property
     def name(self) -> str:
         """What the policy calls itself."""
         return self.policy.name

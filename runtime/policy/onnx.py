@@ -180,7 +180,10 @@ def _check_tensor(kind: str, node: Any, shape: tuple[int, ...]) -> None:
     if node.type != FLOAT32:
         raise PolicyError(f"{kind} {node.name!r} is {node.type}; allowed: {FLOAT32}")
     batch, *rest = node.shape or [0]
-    if tuple(rest) != shape or (isinstance(batch, int) and batch != 1):
+    fits = len(rest) == len(shape) and all(
+        dim == size or isinstance(dim, str) for dim, size in zip(rest, shape, strict=True)
+    )
+    if not fits or (isinstance(batch, int) and batch != 1):
         raise PolicyError(f"{kind} {node.name!r} has shape {node.shape}; allowed: {['N', *shape]}")
 
 

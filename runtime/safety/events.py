@@ -91,6 +91,25 @@ GOAL_FRAME = _warning(
 )
 WAYPOINT_REACHED = _info("waypoint_reached", "A waypoint is reached; the next one is the goal.")
 GOAL_REACHED = _info("goal_reached", "The last goal is reached: neutral thrust.")
+TRIAL_BEGUN = _info("trial_begun", "A trial has begun, within the box of water that is named.")
+TRIAL_MANOEUVRE = _info("trial_manoeuvre", "The trial goes on to the manoeuvre that is named.")
+TRIAL_DONE = _info("trial_done", "The trial was sailed to its end: neutral thrust.")
+TRIAL_REFUSED = _warning(
+    "trial_refused", "The trial did not begin: the boat is outside its box, or a track is near."
+)
+TRIAL_OUT_OF_BOX = _warning(
+    "trial_out_of_box", "The boat left the trial's box: it brakes, then neutral thrust."
+)
+TRIAL_TOO_FAST = _warning(
+    "trial_too_fast", "The boat is faster than the trial allows: it brakes, then neutral thrust."
+)
+TRIAL_TRACK_NEAR = _warning(
+    "trial_track_near", "A track comes near the boat on trial: it brakes, then neutral thrust."
+)
+TRIAL_INTERRUPTED = _warning(
+    "trial_interrupted",
+    "Somebody else drives, an order came, or the surroundings are unknown: the trial has ended.",
+)
 OVERRUN = _warning(
     "overrun", "A decision took longer than the time between two scans, or a tick was missed."
 )
@@ -125,6 +144,27 @@ LINK_DOWN = _error(
     "link_down", "The connection to the autopilot broke: it is opened again, neutral thrust."
 )
 LINK_RESTORED = _info("link_restored", "The connection to the autopilot is open again.")
+RECEIVER_DOWN = _warning(
+    "receiver_down", "A line that NMEA sentences come by broke: it is opened again."
+)
+AIS_STALE = _info("ais_stale", "A vessel has missed two of its AIS reports.")
+AIS_LOST = _info("ais_lost", "A vessel has been silent on AIS for too long: it is forgotten.")
+AIS_JUMP = _warning(
+    "ais_jump", "AIS reports a vessel where it cannot be: not used until more reports agree."
+)
+AIS_SPOOFED = _warning(
+    "ais_spoofed", "AIS reports contradict each other, or what the LiDAR sees: do not trust them."
+)
+AIS_DUPLICATE = _warning("ais_duplicate", "Two vessels report themselves under one MMSI.")
+AIS_OWN_ECHO = _info("ais_own_echo", "AIS reports of the own vessel are left out.")
+AIS_FLOOD = _warning("ais_flood", "More AIS sentences than the channel carries: some are left out.")
+AIS_MALFORMED = _warning("ais_malformed", "AIS sentences that cannot be read are left out.")
+COLLISION_COURSE = _warning(
+    "collision_course", "A vessel comes too near on present courses: closest approach, and when."
+)
+COLLISION_COURSE_OVER = _info(
+    "collision_course_over", "A vessel that was on a collision course will pass clear."
+)
 MESSAGES_MISSING = _warning(
     "messages_missing", "Messages were too large, or lost on their way: they are missing."
 )

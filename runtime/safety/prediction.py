@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 
 from twinscrew.runtime import _native
 from twinscrew.runtime._native import Law
@@ -146,18 +147,21 @@ def surroundings(
     reach_m : float
         How far the edge of the vessel, with its margin, can get within the horizon [m].
     horizon_s : (float, float)
-        How far ahead the motion of what stands still, and of what moves, is trusted [s].
+        How far ahead the motion of what stands still, and of what moves, is trusted [s]. A ship
+        that tells where it goes is trusted for as long as what stands still.
     least_radius_m, clearance_m : float
         No object is taken to be smaller; every object is taken to be this much larger [m].
     static_mps : float
         Slower tracks stand still [m/s].
     """
+    told = _told(tracks)
+    tracks = in_circles(tracks)
     speed = np.hypot(tracks.v_N[:, 0], tracks.v_N[:, 1])
     speed = np.where(speed < static_mps, 0.0, speed)
     offset_N = tracks.p_N - odometry.position_N[:2]
     radius = np.maximum(tracks.radius, least_radius_m) + clearance_m
     gap = np.hypot(offset_N[:, 0], offset_N[:, 1]) - radius - reach_m
-    horizon = np.where(speed > 0.0, horizon_s[1], horizon_s[0])
+    horizon = np.where((speed > 0.0) & ~np.isin(tracks.id, told), horizon_s[1], horizon_s[0])
     near = np.flatnonzero(gap < speed * horizon)
     R_NL = rotation_2d(odometry.heading)
     return Circles(
@@ -166,6 +170,55 @@ def surroundings(
         v_L=np.where(speed[near, None] > 0.0, tracks.v_N[near], 0.0) @ R_NL,
         radius=radius[near],
         horizon_s=horizon[near],
+    )
+
+
+def _told(tracks: Tracks) -> NDArray[np.int64]:
+    """Give the identities of the ships that report themselves."""
+    if tracks.name is None:
+        return np.zeros(0, np.int64)
+    return tracks.id[[bool(name) for name in tracks.name]]
+
+
+MOST_CIRCLES = 8
+"""[-] Of one outline."""
+
+
+def in_circles(tracks: Tracks) -> Tracks:
+    """Cover each outline that is known with circles along it, in the place of one about all of it.
+
+    The circle about a ship of 100 m reaches 40 m beyond its sides.
+    """
+    if tracks.half_length is None or tracks.half_beam is None or tracks.heading is None:
+        return tracks
+    rows: list[int] = []
+    ahead: list[float] = []
+    radius: list[float] = []
+    for k in range(len(tracks.id)):
+        half, beam = float(tracks.half_length[k]), float(tracks.half_beam[k])
+        known = math.isfinite(half + beam + float(tracks.heading[k]))
+        count = min(max(math.ceil(half / beam), 1), MOST_CIRCLES) if known and beam > 0.0 else 1
+        if count == 1:
+            rows, ahead, radius = [*rows, k], [*ahead, 0.0], [*radius, float(tracks.radius[k])]
+            continue
+        step = 2.0 * half / count
+        rows += [k] * count
+        ahead += [(n + 0.5) * step - half for n in range(count)]
+        radius += [math.hypot(beam, 0.5 * step)] * count
+    heading = np.nan_to_num(tracks.heading[rows])
+    along = np.array(ahead)[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
+    return replace(
+        tracks,
+        id=tracks.id[rows],
+        p_N=tracks.p_N[rows] + along,
+        v_N=tracks.v_N[rows],
+        radius=np.array(radius),
+        covariance=tracks.covariance[rows],
+        age_s=tracks.age_s[rows],
+        half_length=None,
+        half_beam=None,
+        heading=None,
+        name=None,
     )
 
 

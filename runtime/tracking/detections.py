@@ -55,6 +55,12 @@ class SourceSettings(Settings, frozen=True, kw_only=True):
     reported once it has moved."""
     steady_s: NonNegative = 0.0
     """[s] Or once it has been there for so long; 0: never."""
+    identifies: bool = False
+    """Whether each detection names its vessel, as AIS does: then a look says nothing of others
+    (tracking.named), and what detection, clutter and visibility say is not used."""
+    acceleration_psd: NonNegative | None = None
+    """[m2/s3] Density of the white acceleration of what only such sources have seen; none: as of
+    everything else. Ships that report themselves every 10 s manoeuvre less than boats."""
     radius_m: Positive = 3.0
     """[m] Radius of a target whose size no source has told."""
     shape_m: tuple[NonNegative, NonNegative] = (0.0, 0.0)

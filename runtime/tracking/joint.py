@@ -253,7 +253,7 @@ def without_doubles(
     for track in sorted(tracks, key=_seniority):
         least = settings.drop if track.confirmed else settings.drop_tentative
         most = 3.0 * settings.known_m if track.confirmed else settings.tentative_known_m
-        if track.existence >= least and sigma_m(track.P) <= most:
+        if track.named is not None or (track.existence >= least and sigma_m(track.P) <= most):
             existing.append(track)
     if not existing:
         return []

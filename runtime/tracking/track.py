@@ -92,10 +92,12 @@ class Named:
     """[m] Half its length; NaN: not told."""
     half_beam_m: float
     """[m] Half its beam; NaN: not told."""
+    radius_m: float
+    """[m] Of a circle about its hull; a guess where it has told no size."""
     heading: float
     """[rad] [N] Where its bow points; NaN: not told."""
-    stamp_ns: int
-    """[ns] Of its last report."""
+    until_ns: int
+    """[ns] Without another report it is not believed any longer than this."""
 
 
 class Track:

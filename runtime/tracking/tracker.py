@@ -67,10 +67,20 @@ from twinscrew.runtime.tracking.lidar_motion import (
     MeasuredVelocity,
     corrected,
 )
+from twinscrew.runtime.tracking.named import (
+    WHOLE,
+    hand_over,
+    is_believed,
+    is_seen_in_part,
+    only_named,
+    pass_on_names,
+    take_named,
+)
 from twinscrew.runtime.tracking.track import (
     Clutter,
     ExistenceSettings,
     LifeSettings,
+    Named,
     Track,
     has_moved,
     is_absorbed,
@@ -86,6 +96,8 @@ SEGMENTED = SourceSettings(
     range_m=(0.0, 17.0, 20.0), detection=(0.97, 0.97, 0.0), max_range_m=20.0, visible=0.99
 )
 """The boat's LiDAR, for the existence of tracks that other sources see too (perception: 20 m)."""
+UNSEEN = 0.8
+"""[-] What a scan leaves of the existence of a vessel that it should show, and does not."""
 KEPT_IDENTITIES = 4096
 """Identities remembered for tracks that may be started again."""
 
@@ -160,6 +172,10 @@ class Tracker:
         self._long = LongObjects(self.settings.standing)
         variance = self.settings.standing.sigma_mps**2
         self._still = MeasuredVelocity(np.zeros(2), variance * np.eye(2))
+        sources = self.settings.sources
+        self._identifying = frozenset(name for name in sources if sources[name].identifies)
+        psd = [s.acceleration_psd for s in sources.values() if s.identifies]
+        self._named_psd = max((value for value in psd if value is not None), default=None)
         self._next_id = 0
         self.reset()
 
@@ -248,7 +264,7 @@ class Tracker:
         return sorted(near, key=lambda track: track.id)
 
     def _start_afresh_after_a_jump(self, stamp_ns: int) -> None:
-        last_ns = stamp_ns if self._last_ns is None else self._last_ns
+        last_ns = stamp_ns if self._scan_ns is None else self._scan_ns
         dt = (stamp_ns - last_ns) / NANOSECONDS_PER_SECOND
         jumped = not -self.settings.buffer_s <= dt <= self.settings.max_gap_s
         if jumped:
@@ -298,6 +314,21 @@ class Tracker:
     def _take_look(self, look: Look, dt: float, number: int, stamp_ns: int) -> None:
         settings = self.settings
         self._predict(dt, look.origin_N)
+        if look.source in self._identifying:
+            source, speed = settings.sources[look.source], settings.first_speed_mps
+            take_named(
+                self._tracks,
+                look,
+                source,
+                self._bank,
+                number=number,
+                stamp_ns=stamp_ns,
+                first_speed_mps=speed,
+            )
+            for track in self._tracks:
+                if not track.confirmed and only_named(track, self._identifying):
+                    self._name(track)
+            return
         take_look(
             self._tracks,
             look,
@@ -333,6 +364,8 @@ class Tracker:
         whole, at_rest = self._joined(objects, self._long.at_rest(objects, own), x, own)
         self._update(x, P, self._centroids.measure(whole, own, at_rest), own, number)
         self._drop()
+        if self._identifying:
+            self._tracks = hand_over(self._tracks, self._identifying, self._bank)
 
     def _predict(self, dt: float, own_N: Float64) -> tuple[Float64, Float64]:
         """Move every track on; give all states and covariances, (K, 6) and (K, 6, 6)."""
@@ -344,7 +377,8 @@ class Tracker:
         if self.settings.sources and dt > 0.0:
             survives = math.exp(-dt / self.settings.existence.lifetime_s)
             for track in self._tracks:
-                track.existence *= survives
+                if track.named is None:
+                    track.existence *= survives
                 track.visible = {
                     name: visibility(known, self._source(name), dt)
                     for name, known in track.visible.items()
@@ -361,6 +395,9 @@ class Tracker:
             under_way=settings.acceleration_psd,
             speed_mps=settings.under_way_mps,
         )
+        if self._named_psd is not None:
+            named = [only_named(track, self._identifying) for track in tracks]
+            psd = np.where(named, np.minimum(psd, self._named_psd), psd)
         Q = psd[:, None, None] * motion_noise(dt, 1.0)
         Q += bias_noise(dt, time_s, self._bias_variance(tracks, x, own_N))
         slides = settings.standing.slide_mps * _floats([track.at_rest for track in tracks])
@@ -394,7 +431,10 @@ class Tracker:
     def _update(
         self, x: Float64, P: Float64, measured: Measurements, own: Viewpoint, number: int
     ) -> None:
-        found = associate(x, P, measured, self.settings.gate_sigma)
+        if self._identifying:
+            found = self._associated(x, P, measured)
+        else:
+            found = associate(x, P, measured, self.settings.gate_sigma)
         if self.settings.sources and own.is_known:
             self._judge_existence(found, own)
         if found.pairs:
@@ -406,6 +446,20 @@ class Tracker:
             ):
                 self._tracks.append(self._born(measured, j, bias, (number, j)))
 
+    def _associated(self, x: Float64, P: Float64, measured: Measurements) -> Association:
+        """Assign what the LiDAR has measured, but not to what only AIS has shown (`named`)."""
+        others = [
+            k for k, track in enumerate(self._tracks) if not only_named(track, self._identifying)
+        ]
+        if len(others) == len(self._tracks):
+            return associate(x, P, measured, self.settings.gate_sigma)
+        found = associate(x[others], P[others], measured, self.settings.gate_sigma)
+        return Association(
+            [(others[i], j, d2) for i, j, d2 in found.pairs],
+            [others[i] for i in found.unseen],
+            found.new,
+        )
+
     def _judge_existence(self, found: Association, own: Viewpoint) -> None:
         """Let tracks that the LiDAR should have seen, and has not, exist less surely."""
         source = self._source(LIDAR)
@@ -413,6 +467,12 @@ class Tracker:
         chance = chances(self._tracks, look, source, self.settings.existence)
         seen = {i for i, _, _ in found.pairs}
         for k, track in enumerate(self._tracks):
+            if only_named(track, self._identifying):
+                if _surely_within(track, own.p_N, source) and not is_seen_in_part(
+                    track, self._tracks
+                ):
+                    track.existence *= UNSEEN  # a vessel that is there is seen
+                continue
             missed(track, LIDAR, source, float(chance[k]), float(k in seen))
 
     def _correct(
@@ -504,20 +564,50 @@ class Tracker:
 
     def _drop(self) -> None:
         life = self.settings.life
+        for track in self._tracks:  # what the LiDAR has lost goes on as its vessel reports it
+            if track.named is not None and track.scans and not lives(track, life):
+                track.scans, track.hits, track.extras = 0, 0, None
+                track.sources -= {LIDAR}
         alive = [track for track in self._tracks if self._is_alive(track)]
         self._tracks = [track for track in alive if not is_absorbed(track, alive, life)]
+        if len(self._tracks) < len(alive):
+            pass_on_names(alive, self._tracks)
 
     def _is_alive(self, track: Track) -> bool:
         if track.scans and lives(track, self.settings.life):
             return True
+        if is_believed(track, self._last_ns or 0):
+            return True
+        if only_named(track, self._identifying):
+            return False
         if not self.settings.sources or track.sources <= {LIDAR} - self.settings.sources.keys():
             return False
         existence = self.settings.existence
         least = existence.drop if track.confirmed else existence.drop_tentative
         return track.existence >= least and sigma_m(track.P) <= 3.0 * existence.known_m
 
+    def _is_doubted(self, track: Track) -> bool:
+        """Tell whether only AIS has told of a track, and the LiDAR sees water in its place."""
+        least = self.settings.existence.report
+        return track.existence < least and only_named(track, self._identifying)
+
+    @property
+    def doubted(self) -> tuple[str, ...]:
+        """Names of vessels that report themselves where the LiDAR should see them, and does not."""
+        return tuple(
+            track.named.name
+            for track in self._tracks
+            if track.named is not None and self._is_doubted(track)
+        )
+
     def _report(self, stamp_ns: int) -> Tracks:
-        tracks = [track for track in self._tracks if track.confirmed and track.part_of is None]
+        tracks = [
+            track
+            for track in self._tracks
+            if track.confirmed
+            and track.part_of is None
+            and not (self._identifying and self._is_doubted(track))
+        ]
         x, P = _states(tracks)
         return Tracks(
             stamp_ns=stamp_ns,
@@ -527,8 +617,20 @@ class Tracker:
             radius=_floats([track.radius for track in tracks]),
             covariance=P[:, :4, :4].copy(),
             age_s=_floats([track.age_s for track in tracks]),
-            **_outlines(tracks),
+            **(_outlines(tracks) if self._identifying else {}),
         )
+
+
+def _shows_whole(track: Track, named: Named) -> bool:
+    """Tell whether a track is all of its vessel: the LiDAR may see a long ship in pieces."""
+    return not track.scans or WHOLE * named.radius_m <= track.radius
+
+
+def _surely_within(track: Track, own_N: Float64, source: SourceSettings) -> bool:
+    """Tell whether all of a vessel lies where a source sees nearly everything."""
+    distance = math.hypot(*(track.x[:2] - own_N).tolist())
+    reach = distance + 2.0 * sigma_m(track.P) + track.radius
+    return float(source.detection_probability(np.array([reach]))[0]) > 0.9
 
 
 def _outlines(tracks: Sequence[Track]) -> dict[str, Any]:
@@ -537,7 +639,7 @@ def _outlines(tracks: Sequence[Track]) -> dict[str, Any]:
         return {}
     rows = [
         (math.nan, math.nan, math.nan)
-        if track.named is None
+        if track.named is None or not _shows_whole(track, track.named)
         else (track.named.half_length_m, track.named.half_beam_m, track.named.heading)
         for track in tracks
     ]

@@ -13,6 +13,7 @@ from msgspec import Meta
 from msgspec.structs import replace
 
 from twinscrew.runtime.bus.zenoh import ZenohSettings
+from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.estimation.estimator import EstimationSettings
 from twinscrew.runtime.ground.report import GroundSettings
@@ -24,9 +25,11 @@ from twinscrew.runtime.perception.sensor import Mount, Sensor, load_sensor
 from twinscrew.runtime.policy.observation import ObservationSettings
 from twinscrew.runtime.policy.risk import RiskSettings
 from twinscrew.runtime.recording.settings import RecordingSettings
+from twinscrew.runtime.safety.alarms import AlarmSettings
 from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.safety.envelope import EnvelopeSettings
 from twinscrew.runtime.safety.guard import ThrustLimits
+from twinscrew.runtime.senses.table import SensesSettings, fitted, sense_topics, sources_of
 from twinscrew.runtime.settings import CONFIG_DIR, Settings, convert, read_toml
 from twinscrew.runtime.tracking.tracker import TrackerSettings
 from twinscrew.runtime.vessel.frames import FrameSettings
@@ -34,6 +37,7 @@ from twinscrew.runtime.vessel.hull_settings import hull_settings
 from twinscrew.runtime.vessel.inputs import AlignmentSettings, OdometryBufferSettings
 from twinscrew.runtime.vessel.mission import MissionSettings
 from twinscrew.runtime.vessel.process import PrioritySettings
+from twinscrew.runtime.vessel.trial import TrialSettings
 from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
 
 SENSED: Final = tuple(topic.name for topic in TOPICS.values() if topic.taken == "gps_imu")
@@ -74,8 +78,11 @@ class RuntimeConfig(Settings, frozen=True):
     20 Hz). Less often, neutral would not come within half a second of an input's loss."""
     thrust: ThrustLimits = ThrustLimits()
     mission: MissionSettings = MissionSettings()
+    trial: TrialSettings = TrialSettings()
     perception: PerceptionSettings = PerceptionSettings()
     tracking: TrackerSettings = TrackerSettings()
+    senses: SensesSettings = SensesSettings()
+    alarms: AlarmSettings = AlarmSettings()
     observation: ObservationSettings = ObservationSettings()
     assurance: AssuranceSettings = AssuranceSettings()
     envelope: EnvelopeSettings = EnvelopeSettings()
@@ -101,6 +108,10 @@ class RuntimeConfig(Settings, frozen=True):
             _check_thrust(self)
         if self.ground.vessels_hz > 0.0 and self.autopilot.datum is None:
             raise ValueError("ground.vessels_hz needs autopilot.datum: vessels lie on the earth")
+        if self.senses.ais is not None and datum_of(self) is None:
+            raise ValueError("senses.ais needs a datum: [senses.ais], [autopilot] or [estimation]")
+        if self.senses.nmea.connections and "nmea" not in sense_topics(self.senses):
+            raise ValueError("senses.nmea.connections needs [senses.ais] or [senses.ttm]")
 
 
 def _check_thrust(config: RuntimeConfig) -> None:
@@ -120,7 +131,31 @@ def inputs_of(config: RuntimeConfig) -> tuple[str, ...]:
     """Give the topics that a runtime listens to."""
     when = ("always", config.odometry_source)
     taken = (topic.name for topic in TOPICS.values() if topic.taken in when)
-    return (*taken, *topics_of(config.autopilot.kind))
+    others = sense_topics(config.senses)
+    return (*taken, *topics_of(config.autopilot.kind), *others)
+
+
+def datum_of(config: RuntimeConfig) -> Datum | None:
+    """Give the place of the local frame on the earth; None if nothing says it."""
+    ais = config.senses.ais
+    told = None if ais is None else ais.datum
+    return told or config.autopilot.datum or config.estimation.datum
+
+
+def senses_of(config: RuntimeConfig) -> SensesSettings:
+    """Give the sensors beside the LiDAR, with the datum of the vessel."""
+    ais = config.senses.ais
+    if ais is None:
+        return config.senses
+    return replace(config.senses, ais=replace(ais, datum=datum_of(config)))
+
+
+def tracking_of(config: RuntimeConfig) -> TrackerSettings:
+    """Give the tracker's settings, with what it must know of each sensor that is there."""
+    if not fitted(config.senses):
+        return config.tracking
+    sources = sources_of(config.senses, config.tracking.sources)
+    return replace(config.tracking, sources=sources)
 
 
 def sensor_of(config: RuntimeConfig) -> Sensor:

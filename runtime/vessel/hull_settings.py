@@ -62,6 +62,7 @@ def hull_settings(vessel: VesselDescription) -> dict[str, Any]:
             "goal_range_m": ObservationSettings().goal_range_m * units.length,
         },
         "assurance": _assurance(vessel, reference),
+        "alarms": {"own_radius_m": vessel.radius_m},
         "autopilot": {"paddles": paddles(vessel)},
         "estimation": {
             "sensors": {"antenna": _place(vessel.antenna_m), "imu": _place(vessel.imu_m)}

@@ -77,6 +77,12 @@ class SteppedRuntime:
         """Whether the policy has the propellers."""
         return self.vessel.engaged
 
+    @property
+    def trial_outcome(self) -> str:
+        """The event that ended its trial, once the boat has braked; empty before."""
+        trial = self.vessel.pipeline.trial
+        return "" if trial is None or trial.braking else trial.outcome
+
     def deliver(self, topic: str, payload: bytes, now_s: float) -> bytes:
         """Take in a message, and give the MAVLink bytes that it makes us send at once."""
         if topic not in self._inputs:
@@ -158,6 +164,8 @@ class Rest(msgspec.Struct, frozen=True):
     """Whether the policy has the propellers."""
     summary: RunSummary | None = None
     """After the last step."""
+    trial_outcome: str = ""
+    """The event that ended the trial, if there was one and it has."""
 
 
 def main() -> int:
@@ -199,15 +207,16 @@ def _rest(runtime: SteppedRuntime, inbox: Inbox, step: Step) -> Rest:
     """Go a step."""
     if step.last:
         runtime.close()
-        return Rest(b"", runtime.engaged, runtime.summary())
+        return Rest(b"", runtime.engaged, runtime.summary(), runtime.trial_outcome)
     if not step.topic:
-        return Rest(runtime.exchange(step.data, step.now_s), runtime.engaged)
+        data = runtime.exchange(step.data, step.now_s)
+        return Rest(data, runtime.engaged, trial_outcome=runtime.trial_outcome)
     messages = inbox.wait(ON_ITS_WAY_S)
     if [message.topic for message in messages] != [step.topic]:
         came = ", ".join(message.topic for message in messages) or "nothing"
         raise BusError(f"out of step: {step.topic} was announced, {came} came")
     data = runtime.deliver(step.topic, messages[0].payload, step.now_s)
-    return Rest(data, runtime.engaged)
+    return Rest(data, runtime.engaged, trial_outcome=runtime.trial_outcome)
 
 
 if __name__ == "__main__":

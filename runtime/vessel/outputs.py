@@ -77,6 +77,8 @@ class Outputs:
     """[m] [N] (K, 2) With a decision, the goals ahead; None elsewhere."""
     thrust: Float64 = field(default_factory=lambda: NEUTRAL)
     """[N] (2,) What `autopilot` asks of the propellers, left and right."""
+    targets: Tracks | None = None
+    """Vessels that report themselves, once a second."""
 
 
 class Publisher:
@@ -136,6 +138,8 @@ class Publisher:
             self._take(taken)
         if out.decision is not None:
             self._decide(out.decision, out.thrust, explanation, out.goals_N)
+        if out.targets is not None and self.has_listeners:
+            self._put("ais_targets", cdr.encode_detections(out.targets))
         self.report(out.events)
 
     def report(self, events: Iterable[HealthEvent]) -> None:
@@ -221,6 +225,8 @@ class Publisher:
             self._put("objects", objects)
             tracks = cdr.encode_track_markers(decision.tracks, frame_id=frames.world)
             self._put("tracks", tracks)
+            detections = cdr.encode_detections(decision.tracks, frame_id=frames.world)
+            self._put("detections", detections)
             self._draw(decision.tracks, goals_N)
             self.thrust(thrust)
 

@@ -6,6 +6,7 @@ and in a replay. A stage gives its value, and a `Fault` where it failed; then th
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
@@ -27,14 +28,26 @@ from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.policy.load import Policy, load_policy
 from twinscrew.runtime.policy.metadata import PolicyExpectation
 from twinscrew.runtime.policy.observation import ObservationSettings, nothing_seen, observe
+from twinscrew.runtime.safety.alarms import Alarms
 from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.envelope import slowed
-from twinscrew.runtime.safety.events import PERCEPTION_ERROR, POLICY_ERROR, TRACKS_FORGOTTEN
+from twinscrew.runtime.safety.events import (
+    AIS_SPOOFED,
+    ASSURANCE_INTERVENED,
+    INPUT_LATE,
+    PERCEPTION_ERROR,
+    POLICY_ERROR,
+    TRACKS_FORGOTTEN,
+)
 from twinscrew.runtime.safety.guard import NEUTRAL, Guard
+from twinscrew.runtime.senses.sense import OwnAt, Rarely, Sense
+from twinscrew.runtime.senses.table import make_senses
+from twinscrew.runtime.tracking.detections import Look
 from twinscrew.runtime.tracking.lidar import SensorView
 from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
-from twinscrew.runtime.vessel.config import RuntimeConfig, sensor_of
+from twinscrew.runtime.vessel.config import RuntimeConfig, senses_of, sensor_of, tracking_of
 from twinscrew.runtime.vessel.mission import Mission
+from twinscrew.runtime.vessel.trial import Trial
 from twinscrew.runtime.vessel_description import load_vessel
 
 Fault: TypeAlias = HealthEvent
@@ -42,6 +55,12 @@ Fault: TypeAlias = HealthEvent
 SETTLE_S: Final = 1.0
 """[s] Scans must have come for this long before what is around is known: twice what five scans of a
 10 Hz LiDAR take, within which every track that is seen is confirmed."""
+
+
+MOST_LOOKS: Final = 1000
+"""[-] Looks of other sensors that wait for a scan; the oldest are left out."""
+NEWER_S, OLDER_S = 1.0, 5.0
+"""[s] A look that is so much newer or older than the vessel's time has a wrong stamp."""
 
 
 class SpeedLimit(NamedTuple):
@@ -86,8 +105,15 @@ class TrackingStage(Protocol):
     note: str
     """Why the last step forgot all tracks; empty if it did not."""
 
+    @property
+    def doubted(self) -> tuple[str, ...]:
+        """See `Tracker.doubted`."""
+
     def step(self, objects: Objects, odometry: Odometry) -> Tracks:
         """See `Tracker.step`."""
+
+    def take(self, look: Look) -> bool:
+        """See `Tracker.take`."""
 
     def reset(self) -> None:
         """Forget all tracks."""
@@ -124,13 +150,19 @@ class Pipeline:
         guard: Guard,
         observation: ObservationSettings | None = None,
         assurance: AssuranceStage | None = None,
+        senses: Mapping[str, Sequence[Sense]] | None = None,
+        alarms: Alarms | None = None,
     ) -> None:
+        self.senses = Senses(senses or {}, tracker, alarms or Alarms())
         self.perception = perception
         self.tracker = tracker
         self.policy = policy
         self.mission = mission
         self.guard = guard
         self.assurance = assurance
+        self.trial = policy if isinstance(policy, Trial) else None
+        """Manoeuvres in the policy's place, if any; then goals do not count."""
+        self._orders_before_trial = mission.orders
         self._observation = observation or ObservationSettings()
         self._schedule = DecisionSchedule(policy.period_s)
         life = tracker.settings.life
@@ -166,17 +198,21 @@ class Pipeline:
             What failed: perception, the policy or the guard.
         """
         objects, blind = self._perceive(cloud, odometry)
+        heard = self.senses.listen(cloud.stamp_ns) if self.senses.by_topic else ()
         tracks, gap = self._track(objects, odometry)
         self._settling.step(cloud.stamp_ns, seen=blind is None)
         progress = self.mission.step(odometry)
         goal = self.mission.target
-        held_still = self.stopped or not engaged or self.is_settling
-        if goal is None or held_still or blind is not None:
+        idle = self.stopped or not engaged or blind is not None or self.is_settling
+        if self.trial is not None:
+            observation, failed, overridden = self._try(self.trial, odometry, tracks, idle=idle)
+        elif goal is None or idle:
             observation, failed, overridden = self._stop()
         else:
             observation, failed, overridden = self._drive(odometry, goal, tracks)
         self._thrust, tripped = self.guard.check(self._thrust, cloud.stamp_ns)
-        reported = (blind, gap, progress, failed, *overridden, tripped)
+        alarmed = self.senses.alarmed(odometry, tracks) if self.senses.by_topic else ()
+        reported = (blind, *heard, gap, progress, failed, *overridden, *alarmed, tripped)
         decision = Decision(
             stamp_ns=cloud.stamp_ns,
             sequence=self._sequence,
@@ -191,6 +227,13 @@ class Pipeline:
         )
         self._sequence += 1
         return decision, blind or failed or tripped
+
+    @property
+    def has_task(self) -> bool:
+        """Whether there is something to do: a goal that is not reached, or a trial."""
+        if self.trial is not None:
+            return not self.trial.over or self.trial.braking
+        return self.mission.target is not None
 
     @property
     def knows_surroundings(self) -> bool:
@@ -210,6 +253,7 @@ class Pipeline:
         self._settling.restart()
         self._stop()
         self.tracker.reset()
+        self.senses.forgotten()
         self.policy.reset()
 
     def warm_up(self) -> None:
@@ -233,6 +277,7 @@ class Pipeline:
         if not self.tracker.note:
             return tracks, None
         self._settling.restart()
+        self.senses.forgotten()
         return tracks, TRACKS_FORGOTTEN.at(objects.stamp_ns, self.tracker.note)
 
     def _drive(self, odometry: Odometry, goal: Goal, tracks: Tracks) -> Driven:
@@ -263,6 +308,31 @@ class Pipeline:
         )
         return Driven(observation, None, overridden)
 
+    def _try(self, trial: Trial, odometry: Odometry, tracks: Tracks, *, idle: bool) -> Driven:
+        """Sail a trial's manoeuvre; the assurance checks every thrust, as it does a policy's.
+
+        A speed limit of the operational envelope does not count: how much wind and current are for
+        this boat is judged by the vessel's file, which the trial is to find out. The trial has a
+        limit of its own.
+        """
+        stamp_ns, before = odometry.stamp_ns, self._thrust
+        ended: list[HealthEvent] = []
+        if idle:
+            ended = trial.interrupt(stamp_ns, "the thrust does not act, or nothing is seen")
+        elif self.mission.orders != self._orders_before_trial:
+            ended = trial.interrupt(stamp_ns, "an order came")
+        if idle or not self.has_task:
+            return self._stop()._replace(overridden=tuple(ended))
+        self._thrust, events = trial.step(odometry, tracks)
+        if self.assurance is None:
+            return Driven(overridden=tuple(events))
+        self._thrust, overridden = self.assurance.step(
+            odometry, tracks, before, self._thrust, decided=True
+        )
+        if any(event.name == ASSURANCE_INTERVENED.name for event in overridden):
+            ended = trial.interrupt(stamp_ns, "the assurance took over")
+        return Driven(overridden=(*events, *overridden, *ended))
+
     def _stop(self) -> Driven:
         self._rate = self._thrust = NEUTRAL
         self._schedule.restart()
@@ -289,16 +359,104 @@ def make_pipeline(
     sensor = sensor_of(config)
     return Pipeline(
         perception=perception or Perception(sensor, config.perception),
-        tracker=tracker or Tracker(config.tracking, SensorView.of(sensor)),
-        policy=policy
-        or load_policy(
-            config.policy, expected_of_policies(config), config.risk, load_vessel(config.vessel)
-        ),
+        tracker=tracker or Tracker(tracking_of(config), SensorView.of(sensor)),
+        policy=policy or _policy_of(config),
         mission=Mission(config.mission),
         guard=Guard(config.thrust),
         observation=config.observation,
         assurance=assurance or Assurance(config.assurance, config.thrust),
+        senses=make_senses(senses_of(config)),
+        alarms=Alarms(config.alarms),
     )
+
+
+def _policy_of(config: RuntimeConfig) -> Policy:
+    """Give what drives: the configured trial, if there is one, else the policy."""
+    vessel = load_vessel(config.vessel)
+    if config.trial.name:
+        return Trial(config.trial, vessel, config.thrust)
+    return load_policy(config.policy, expected_of_policies(config), config.risk, vessel)
+
+
+class Senses:
+    """The sensors beside the LiDAR: what they say waits for the scan that it is older than.
+
+    A scan is the time at which decisions are made, so looks are taken in at its step: those up to
+    its stamp, in the order in which they came. Newer ones wait for the next scan.
+    """
+
+    def __init__(
+        self, senses: Mapping[str, Sequence[Sense]], tracker: TrackingStage, alarms: Alarms
+    ) -> None:
+        self.by_topic = senses
+        """What listens to each topic."""
+        self._tracker = tracker
+        self._alarms = alarms
+        self._waiting: list[Look] = []
+        self._rarely = Rarely(10.0)
+        self._forgotten = False
+
+    def take(
+        self, topic: str, payload: bytes, latest_ns: int, own_at: OwnAt
+    ) -> tuple[HealthEvent, ...]:
+        """Take in a message of a topic at the vessel's time [ns]; give what there is to report.
+
+        Raises
+        ------
+        MessageError
+            The message is not what it should be.
+        """
+        events: list[HealthEvent] = []
+        for sense in self.by_topic[topic]:
+            heard = sense.take(payload, latest_ns, own_at)
+            events += heard.events
+            for look in heard.looks:
+                since_s = (latest_ns - look.stamp_ns) / NANOSECONDS_PER_SECOND
+                if -NEWER_S <= since_s <= OLDER_S:
+                    self._waiting.append(look)
+                elif self._rarely.allows(look.source, latest_ns):
+                    words = f"{look.source}: {since_s:.1f} s older than the vessel's time"
+                    events.append(INPUT_LATE.at(latest_ns, words))
+        del self._waiting[:-MOST_LOOKS]
+        return tuple(events)
+
+    def listen(self, stamp_ns: int) -> tuple[HealthEvent, ...]:
+        """Give the tracker what came up to a scan's stamp [ns]."""
+        events: list[HealthEvent] = []
+        for sense in dict.fromkeys(sense for each in self.by_topic.values() for sense in each):
+            heard = sense.step(stamp_ns, forgotten=self._forgotten)
+            events += heard.events
+            self._waiting += heard.looks
+        self._forgotten = False
+        due = [look for look in self._waiting if look.stamp_ns <= stamp_ns]
+        newest_ns = stamp_ns + round(NEWER_S * NANOSECONDS_PER_SECOND)
+        self._waiting = [w for w in self._waiting if stamp_ns < w.stamp_ns <= newest_ns]
+        for look in due:
+            self._tracker.take(look)
+        return tuple(events)
+
+    def alarmed(self, odometry: Odometry, tracks: Tracks) -> tuple[HealthEvent, ...]:
+        """Give what the tracks that came of it make worth reporting."""
+        words = "reports itself where the LiDAR sees nothing"
+        doubts = [
+            AIS_SPOOFED.at(tracks.stamp_ns, f"{name}: {words}")
+            for name in self._tracker.doubted
+            if self._rarely.allows(name, tracks.stamp_ns)
+        ]
+        return (*doubts, *self._alarms.step(odometry, tracks))
+
+    def targets(self, stamp_ns: int) -> Tracks | None:
+        """Give every vessel that reports itself, for people; None if there is none."""
+        for each in self.by_topic.values():
+            for sense in each:
+                found = sense.targets(stamp_ns)
+                if found is not None:
+                    return found
+        return None
+
+    def forgotten(self) -> None:
+        """Note that the tracker has forgotten all: what is known is told it again."""
+        self._forgotten = True
 
 
 def expected_of_policies(config: RuntimeConfig) -> PolicyExpectation:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Final, ParamSpec, TypeVar
@@ -21,7 +21,7 @@ from typing import Final, ParamSpec, TypeVar
 from twinscrew.runtime.bus.base import Inbox, Received
 from twinscrew.runtime.bus.zenoh import ZenohBus
 from twinscrew.runtime.errors import BusError, ConfigError, LinkError
-from twinscrew.runtime.link.transport import Transport
+from twinscrew.runtime.link.transport import Transport, open_transport, reopening
 from twinscrew.runtime.messages.types import HealthEvent
 from twinscrew.runtime.recording.recorder import Recorder
 from twinscrew.runtime.safety.events import (
@@ -35,10 +35,12 @@ from twinscrew.runtime.safety.events import (
     NAME_TAKEN,
     OVERRUN,
     PRIORITY_REFUSED,
+    RECEIVER_DOWN,
     RECORDER,
     EventKind,
 )
 from twinscrew.runtime.safety.guard import NEUTRAL
+from twinscrew.runtime.senses.nmea import NmeaLines
 from twinscrew.runtime.vessel.config import RuntimeConfig, inputs_of
 from twinscrew.runtime.vessel.keeper import Keeper
 from twinscrew.runtime.vessel.outputs import Publisher
@@ -66,6 +68,7 @@ class Loop:
         publisher: Publisher,
         *,
         rate_hz: float,
+        receivers: Sequence[Transport] = (),
         keeper: Keeper | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -87,6 +90,8 @@ class Loop:
         self._next_tick_s = math.inf
         self._link_is_down = False
         self._manager = ServiceManager()
+        self._receivers = [(receiver, NmeaLines()) for receiver in receivers]
+        self._silent_receivers: set[int] = set()
 
     def run(self, stop: Callable[[], bool]) -> None:
         """Work until `stop` says so, then leave the propellers at rest."""
@@ -124,6 +129,7 @@ class Loop:
         now_s = self._clock()
         self._keep_time(now_s)
         self._read_autopilot(now_s)
+        self._read_receivers(now_s)
         out = self._vessel.tick(now_s)
         self._send(out.autopilot)
         self._publisher.publish(out)
@@ -168,6 +174,21 @@ class Loop:
 
     def _read_autopilot(self, now_s: float) -> None:
         self._publisher.publish(self._vessel.receive(self._receive(), now_s))
+
+    def _read_receivers(self, now_s: float) -> None:
+        """Read the lines that sentences of NMEA come by; one that breaks stops nothing."""
+        for place, (receiver, lines) in enumerate(self._receivers):
+            try:
+                data = receiver.receive()
+            except LinkError as error:
+                if place not in self._silent_receivers:
+                    self._silent_receivers.add(place)
+                    self._report(RECEIVER_DOWN, str(error))
+                continue
+            if data:
+                self._silent_receivers.discard(place)
+            for text in lines.feed(data):
+                self._publisher.publish(self._vessel.hear(text, now_s))
 
     def _keep_time(self, now_s: float) -> None:
         self._next_tick_s += self._period_s
@@ -229,6 +250,7 @@ def run_vessel(
     *,
     source: Path,
     stop: Callable[[], bool],
+    until: Callable[[Vessel], bool] = lambda _vessel: False,
     refused: tuple[str, ...] = (),
     approval: str = "",
     withheld: str = "",
@@ -242,6 +264,8 @@ def run_vessel(
         The configuration's file, to be named in errors.
     stop
         Ends the loop, and the wait for an autopilot that is not there yet.
+    until
+        Ends the loop, too, when the vessel has done what it was started for.
     refused
         What of the priority the system did not give (`process.take_priority`): it is reported.
     approval
@@ -269,12 +293,18 @@ def run_vessel(
         if folder is not None:
             recorder = stack.enter_context(open_recorder(folder, config, source, vessel))
         publisher = Publisher(bus, recorder, vessel=config.name, frames=vessel.frames)
+        receivers = []
+        for line in config.senses.nmea.connections:
+            receivers.append(reopening(line, open_transport(line)))
+            stack.callback(receivers[-1].close)
         keeper = None
         if config.autopilot.kind == "thrust":
             keeper = Keeper(config.bus, config.name)
             stack.callback(keeper.close)
         rate_hz = config.command_rate_hz
-        loop = Loop(vessel, inbox, transport, publisher, rate_hz=rate_hz, keeper=keeper)
+        loop = Loop(
+            vessel, inbox, transport, publisher, rate_hz=rate_hz, receivers=receivers, keeper=keeper
+        )
         if refused:
             publisher.report((PRIORITY_REFUSED.at(vessel.stamp_ns, "; ".join(refused)),))
         if approval:
@@ -287,7 +317,7 @@ def run_vessel(
         inbox.listen(bus, inputs_of(config))
         name = Name(bus, config.name, lambda words: loop.tell(NAME_TAKEN, words))
         ready()
-        loop.run(lambda: stop() or name.is_anothers())
+        loop.run(lambda: stop() or name.is_anothers() or until(vessel))
     if name.yields:
         raise BusError(f"another runtime is named {config.name!r} on this bus: give one another")
     summary = RunSummary(

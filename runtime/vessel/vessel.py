@@ -23,9 +23,11 @@ from twinscrew.runtime.ground.report import GroundReport
 from twinscrew.runtime.ground.service import GroundService
 from twinscrew.runtime.link.autopilot import Autopilot, AutopilotStatus, make_autopilot
 from twinscrew.runtime.messages import cdr
+from twinscrew.runtime.messages.marine import Sentence
 from twinscrew.runtime.messages.navigation import as_read_back
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.types import (
+    NANOSECONDS_PER_SECOND,
     Decision,
     Engagement,
     Explanation,
@@ -153,6 +155,7 @@ class Vessel:
             "fallback": self._fallback,
             "gps": self._fix,
             "imu": self._imu,
+            **dict.fromkeys(pipeline.senses.by_topic, self._sensed),
             **dict.fromkeys(link.topics, self._for_autopilot),
         }
         self.envelope = envelope or Envelope(EnvelopeSettings(enabled=False))
@@ -163,6 +166,7 @@ class Vessel:
         self._fault = False
         self._has_looked = not looks_first
         self._inputs_too_old = False
+        self._targets_ns = 0
         self._held_until_s = self._now_s = -math.inf
         self._manoeuvre = ""
         self._unplaced: _Order | None = None
@@ -212,12 +216,29 @@ class Vessel:
         self._look(now_s)
         if data:
             self.link.receive(data, now_s)
+        outputs = self.link.take_outputs()
+        if outputs is not None:
+            for topic, pwm_us in zip(("pwm_left", "pwm_right"), outputs, strict=True):
+                payload = cdr.encode_thrust(float(pwm_us))
+                out.messages.append(Taken(topic, payload, made_here=True))
         if self._alignment is not None:
             for odometry in self.link.take_odometry():
                 stamp_ns = self._alignment.lidar_ns(odometry.stamp_ns)
                 if stamp_ns is not None:
                     aligned = replace(odometry, stamp_ns=stamp_ns)
                     self._own_odometry(aligned, out, now_s)
+        for age_s, text in self.link.take_ais():
+            if "nmea" in self._handlers and self.inputs.latest_ns:
+                stamp_ns = self.inputs.latest_ns - round(age_s * NANOSECONDS_PER_SECOND)
+                self._own_sentence(text, stamp_ns, out, now_s)
+        return out
+
+    def hear(self, sentence: str, now_s: float) -> Outputs:
+        """Take in a sentence of NMEA 0183 that came by itself, not as a message."""
+        out = Outputs()
+        self._look(now_s)
+        if self.inputs.latest_ns:  # before the first odometry nobody knows when that was
+            self._own_sentence(sentence, self.inputs.latest_ns, out, now_s)
         return out
 
     def tick(self, now_s: float) -> Outputs:
@@ -286,8 +307,8 @@ class Vessel:
         """Decode a message, once, and work on it; what that raises becomes an event."""
         topic = taken.topic
         out.messages.append(taken)
-        if topic in SENSED and self._estimator is None:
-            return
+        if topic not in self._handlers or (topic in SENSED and self._estimator is None):
+            return  # of a sensor that this vessel does not use
         try:
             self._handlers[topic](taken, out, now_s)
         except MessageError as error:
@@ -314,6 +335,10 @@ class Vessel:
         out.goals_N = self.pipeline.mission.ahead_N
         self._fault = fault is not None
         self._has_looked = self._has_looked or self.pipeline.knows_surroundings
+        senses = self.pipeline.senses
+        if senses.by_topic and abs(cloud.stamp_ns - self._targets_ns) >= NANOSECONDS_PER_SECOND:
+            self._targets_ns = cloud.stamp_ns
+            out.targets = senses.targets(cloud.stamp_ns)
         self._tell(out, now_s, *decision.events)
 
     def _odometry(self, taken: Taken, out: Outputs, now_s: float) -> None:
@@ -343,6 +368,10 @@ class Vessel:
             return
         self._take(Taken("odometry", payload, odometry, made_here=True), out, now_s)
 
+    def _own_sentence(self, text: str, stamp_ns: int, out: Outputs, now_s: float) -> None:
+        payload = cdr.encode_sentence(Sentence(stamp_ns=stamp_ns, text=text))
+        self._take(Taken("nmea", payload, made_here=True), out, now_s)
+
     def _fix(self, taken: Taken, out: Outputs, now_s: float) -> None:
         assert self._estimator is not None  # noqa: S101  (`_take` saw it)
         self._estimator.fix(cdr.decode_fix(taken.payload))
@@ -354,6 +383,11 @@ class Vessel:
         self._tell(out, now_s, *self._estimator.take_events())
         if odometry is not None:
             self._own_odometry(odometry, out, now_s)
+
+    def _sensed(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        inputs, payload = self.inputs, taken.payload
+        events = self.pipeline.senses.take(taken.topic, payload, inputs.latest_ns, inputs.at)
+        self._tell(out, now_s, *events)
 
     def _goal(self, taken: Taken, out: Outputs, now_s: float) -> None:
         goal = cdr.decode_goal(taken.payload)
@@ -496,7 +530,7 @@ class Vessel:
         if tripped is not None:
             self._fault = True  # neutral until the next decision
             self._tell(out, now_s, tripped)
-        nothing_to_do = self.health.state is State.READY and self.pipeline.mission.target is None
+        nothing_to_do = self.health.state is State.READY and not self.pipeline.has_task
         handed_over = self.envelope.response is Response.HAND_OVER
         wanted = None if nothing_to_do or handed_over else out.thrust
         asks = not self._inputs_too_old
@@ -514,8 +548,7 @@ class Vessel:
             may_drive=status.engaged,
             fault=self._fault or now_s < self._held_until_s or self.pipeline.stopped,
             knows_surroundings=self._has_looked and not self.pipeline.is_settling,
-            has_goal=self.pipeline.mission.target is not None
-            or self.envelope.response is Response.HOLD,
+            has_goal=self.pipeline.has_task or self.envelope.response is Response.HOLD,
             warned=self.health.warned(now_s) or self.envelope.response is not Response.NONE,
         )
 

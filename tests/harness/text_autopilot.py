@@ -116,9 +116,16 @@ class TextAutopilot:
         begun, over = AUTOPILOT_SILENT.at(stamp_ns), AUTOPILOT_RECOVERED.at(stamp_ns)
         return (begun if self._was_silent else over,)
 
+    def take_ais(self) -> list[tuple[float, str]]:
+        """It has no receiver."""
+        return []
+
     def take_odometry(self) -> list[Odometry]:
         given, self._odometry = self._odometry, []
         return given
+
+    def take_outputs(self) -> tuple[int, int] | None:
+        return None
 
     def tell(self, messages: Iterable[object]) -> None:
         pass

@@ -146,7 +146,7 @@ def test_an_unknown_key_is_refused_with_those_that_are_known(tmp_path: Path) -> 
     [
         ({"thrust_max_n": "2000"}, ["thrust_max_n", "2000"]),
         ({"decision_period_s": None}, ["decision_period_s"]),
-        ({"observed_objects": "9"}, ["observed_objects", "9"]),
+        ({"observed_objects": "9"}, ["inputs.objects.shape", "9"]),
     ],
 )
 def test_a_policy_made_for_something_else_is_refused(

@@ -16,7 +16,17 @@ import sys
 from collections.abc import Sequence
 
 from tests.replay.differences import Difference, differences, summary
-from tests.replay.references import CASES, FOLDER, decide, machine, record, sha256, store, stored
+from tests.replay.references import (
+    CASES,
+    FOLDER,
+    decide,
+    machine,
+    record,
+    record_ship,
+    sha256,
+    store,
+    stored,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -24,6 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _options(arguments)
     if options.record:
         record()
+        record_ship()
     found = {case: decide(case) for case in CASES}
     changed = [case for case, decisions in found.items() if not _tell(case, decisions)]
     if not changed or options.check:

@@ -16,9 +16,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec import structs
 
-from twinscrew.hil_sim.scenario import load_scenario
+from twinscrew.hil_sim.scenario import Scenario, load_scenario
+from twinscrew.hil_sim.sensors.marine import (
+    OWN_MMSI,
+    AisTransponders,
+    MarineSettings,
+    RadarUnit,
+)
 from twinscrew.hil_sim.sitl import SitlSettings, sail
+from twinscrew.hil_sim.sitl_runtimes import DATUM
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.files import processor
 from twinscrew.runtime.messages import cdr
@@ -27,13 +35,14 @@ from twinscrew.runtime.recording.recording import Recording, find_recordings
 from twinscrew.runtime.recording.settings import BagSettings
 from twinscrew.runtime.recording.writer import BagWriter
 from twinscrew.runtime.safety.assurance import AssuranceSettings
-from twinscrew.runtime.vessel.config import RuntimeConfig
+from twinscrew.runtime.vessel.config import RuntimeConfig, config_for
 from twinscrew.runtime.vessel.summary import metadata_of
 from twinscrew.runtime.vessel.vessel import vessel_for_replay
 
 FOLDER = Path(__file__).parent.parent / "data" / "references" / "crossing"
 VESSEL = "wamv1"
 LASTS_S = 3.0
+SHIP_LASTS_S = 6.0
 NEARER_M = 12.0
 """[m] Than in the shipped scenario, so that each has the other in sight."""
 PACKED = BagSettings(compression="zstd", chunk_kb=4096)
@@ -42,9 +51,19 @@ ANXIOUS = AssuranceSettings(enabled=True, wait_s=1.5, moving_horizon_s=4.0, marg
 """Intervenes where the policy has all in hand, so that the assurance is part of a reference."""
 CASES: Mapping[str, RuntimeConfig] = {
     "ac_iqn": RuntimeConfig(name=VESSEL, sensor="vrx16", policy="ac_iqn"),
+    "ac_iqn_wam_v": RuntimeConfig(name=VESSEL, sensor="vrx16", policy="ac_iqn_wam_v"),
     "apf": RuntimeConfig(name=VESSEL, sensor="vrx16", policy="apf"),
-    "assured": RuntimeConfig(name=VESSEL, sensor="vrx16", assurance=ANXIOUS),
+    "assured": RuntimeConfig(name=VESSEL, sensor="vrx16", policy="ac_iqn_wam_v", assurance=ANXIOUS),
+    "senses": config_for(
+        "wam_v",
+        name=VESSEL,
+        sensor="vrx16",
+        policy="ac_iqn_wam_v",
+        senses={"ais": {"datum": DATUM, "own_mmsi": OWN_MMSI}, "radar": {}},
+    ),
 }
+RECORDINGS: Mapping[str, str] = {"senses": "ship"}
+"""The recording of a case that is not decided on the one in `inputs`: AIS and radar are in it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,15 +75,15 @@ class Reference:
     """What the bits may depend on, besides the source."""
 
 
-def inputs(folder: Path = FOLDER) -> Recording:
-    """Give what the core took in."""
-    (recording,) = find_recordings(folder / "inputs")
+def inputs(folder: Path = FOLDER, case: str = "") -> Recording:
+    """Give what the core took in, of a case."""
+    (recording,) = find_recordings(folder / RECORDINGS.get(case, "inputs"))
     return recording
 
 
 def decide(case: str) -> tuple[bytes, ...]:
     """Decide on the recording, with the source as it is."""
-    return tuple(_decisions(CASES[case]))
+    return tuple(_decisions(case))
 
 
 def sha256(decisions: tuple[bytes, ...]) -> str:
@@ -95,16 +114,29 @@ def store(case: str, decisions: tuple[bytes, ...], folder: Path = FOLDER) -> Non
 
 def record(folder: Path = FOLDER) -> None:
     """Sail, and keep what one vessel's core took in: the references must then be renewed."""
-    shutil.rmtree(folder / "inputs", ignore_errors=True)
     crossing = load_scenario("crossing")
     heading = crossing.starts[:, 2]
     ahead = NEARER_M * np.column_stack([np.cos(heading), np.sin(heading), np.zeros(2)])
     crossing = replace(crossing, starts=crossing.starts + ahead, time_limit_s=LASTS_S)
-    settings = SitlSettings(sensor="vrx16", lockstep=True)
+    _record(crossing, SitlSettings(sensor="vrx16", lockstep=True), folder / "inputs")
+
+
+def record_ship(folder: Path = FOLDER) -> None:
+    """Sail towards a ship that reports itself, with a radar, until the LiDAR has seen it."""
+    scenario = load_scenario("ship_crossing")
+    ship = structs.replace(scenario.traffic[0], start_m=(22.0, 86.0))
+    scenario = replace(scenario, traffic=(ship,), time_limit_s=SHIP_LASTS_S)
+    marine = MarineSettings(ais=AisTransponders(loss=0.0), radar=RadarUnit())
+    settings = SitlSettings(sensor="vrx16", lockstep=True, marine=marine)
+    _record(scenario, settings, folder / RECORDINGS["senses"])
+
+
+def _record(scenario: Scenario, settings: SitlSettings, kept: Path) -> None:
+    shutil.rmtree(kept, ignore_errors=True)
     with tempfile.TemporaryDirectory() as run:
-        sail(crossing, settings, Path(run))
+        sail(scenario, settings, Path(run))
         (recording,) = find_recordings(Path(run) / VESSEL)
-        bag = BagWriter(folder / "inputs", VESSEL, {"software": software()}, PACKED)
+        bag = BagWriter(kept, VESSEL, {"software": software()}, PACKED)
         for message in recording.inputs():
             bag.write(*message)
         bag.close()
@@ -125,9 +157,9 @@ def machine() -> dict[str, Any]:
     }
 
 
-def _decisions(config: RuntimeConfig) -> Iterator[bytes]:
-    vessel = vessel_for_replay(config)
-    for message in inputs().inputs():
+def _decisions(case: str) -> Iterator[bytes]:
+    vessel = vessel_for_replay(CASES[case])
+    for message in inputs(case=case).inputs():
         out = vessel.handle(Received(message.topic, message.payload, 0), 0.0)
         if out.decision is not None:
             yield cdr.encode_decision(out.decision)

@@ -120,6 +120,14 @@ def test_the_recording_is_worth_replaying() -> None:
         counts[message.topic] = counts.get(message.topic, 0) + 1
     assert counts["points"] >= 30
     assert counts["odometry"] >= 60
+    others: dict[str, int] = {}
+    for message in inputs(case="senses").inputs():
+        others[message.topic] = others.get(message.topic, 0) + 1
+    assert others["nmea"] >= 3
+    assert others["radar"] >= 3
+    with_ship = [cdr.decode_decision(payload) for payload in decide("senses")]
+    (alarm,) = {e.detail[:9] for d in with_ship for e in d.events if e.name == "collision_course"}
+    assert alarm == "257000001"
     decisions = [cdr.decode_decision(payload) for payload in decide("assured")]
     assert any((abs(decision.tracks.v_N) > 1.0).any() for decision in decisions)
     assert any(event.name == "assurance_intervened" for d in decisions for event in d.events)

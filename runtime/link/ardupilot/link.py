@@ -348,9 +348,18 @@ class AutopilotLink:
         self._release.hold()
         acts = thrust is not None and self._engaged(now_s)
         pair = paddles(thrust, self.settings.paddles) if acts and thrust is not None else STOP
+        expected, outputs = pair, self._listener.outputs
+        if outputs is not None:
+            pair = outputs.channels(pair) if acts else STOP
+            expected = outputs.pulses(pair)
         if self._listener.authority.drives:
-            self._listener.obedience.commanded(pair, now_s)
+            self._listener.obedience.commanded(expected, now_s)
         return self._override(pair)
+
+    def take_outputs(self) -> Pair | None:
+        """Give what drives the propellers [us], left and right, if it was told since last asked."""
+        outputs, self._listener.new_outputs = self._listener.new_outputs, None
+        return outputs
 
     def events(self, now_s: float) -> tuple[HealthEvent, ...]:
         """Give what began, ended or was said since the last call."""
@@ -400,6 +409,11 @@ class AutopilotLink:
     def take_odometry(self) -> list[Odometry]:
         """Give every odometry made of the autopilot's messages since the last call."""
         return self._listener.odometry.take()
+
+    def take_ais(self) -> list[tuple[float, str]]:
+        """Give what the autopilot has forwarded of AIS: age [s] and sentence of each report."""
+        heard, self._listener.vessels = self._listener.vessels, []
+        return heard
 
     @property
     def parameters_checked(self) -> bool:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Hashable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.runtime.link.ardupilot import commands
+from twinscrew.runtime.link.ardupilot.ais import ais_sentences
 from twinscrew.runtime.link.ardupilot.authority import (
     FAILSAFE_PARAMETERS,
     INITIALISING,
@@ -19,7 +20,7 @@ from twinscrew.runtime.link.ardupilot.commands import Retried, Stream
 from twinscrew.runtime.link.ardupilot.odometry import OdometryFromAutopilot
 from twinscrew.runtime.link.ardupilot.parameters import SAFETY, ParameterCheck, expected_parameters
 from twinscrew.runtime.link.ardupilot.settings import AutopilotSettings
-from twinscrew.runtime.link.ardupilot.thrust import STOP_US
+from twinscrew.runtime.link.ardupilot.thrust import STOP_US, Outputs
 from twinscrew.runtime.mavlink import Message
 
 # -- Does the autopilot do what it is told? Only SERVO_OUTPUT_RAW knows.
@@ -145,6 +146,8 @@ class Trials:
 
 # -- What the autopilot said: the part of the link that takes messages in.
 
+_REPORTS = 300
+"""[-] The most AIS sentences kept until somebody asks."""
 _TEXTS = 100
 """[-] The most texts kept until somebody asks: a chatty autopilot must not fill the memory."""
 _NO_VOLTAGE = 65535
@@ -183,6 +186,10 @@ class Listener:
         self.arming = Retried(commands.arm(target), every_s=1.0)
         self.texts: list[str] = []
         """What the autopilot told in words and nobody has asked for yet."""
+        self.outputs: Outputs | None = None
+        """What the autopilot makes of the two channels; None: it hands them through."""
+        self.new_outputs: Pair | None = None
+        """[us] Left and right of SERVO_OUTPUT_RAW, until somebody takes them."""
         self._chunked = 0
         self.replies: list[Message] = []
         """What is to be answered."""
@@ -192,6 +199,8 @@ class Listener:
         """[s] When the last one of each came."""
         self.battery: tuple[float | None, int | None] = (None, None)
         """[V, %] What SYS_STATUS said last; None where it does not know."""
+        self.vessels: list[tuple[float, str]] = []
+        """Age [s] and sentence of each AIS report that was forwarded and nobody has taken yet."""
         self._depth: tuple[float, float] = (math.nan, -math.inf)
         self._settings = settings
         self._handlers: dict[str, Callable[[Message, float], None]] = {
@@ -204,6 +213,7 @@ class Listener:
             "WATER_DEPTH": self._on_water_depth,
             "GPS_GLOBAL_ORIGIN": self.odometry.origin,
             "TIMESYNC": self._on_timesync,
+            "AIS_VESSEL": self._on_ais_vessel,
         }
         if settings.state_message == "odometry":
             self._handlers["ODOMETRY"] = self.odometry.whole
@@ -279,13 +289,18 @@ class Listener:
             self.authority.reached(sent_s)
 
     def _on_servo_output(self, message: Message, now_s: float) -> None:
-        self.obedience.measured((message.servo1_raw, message.servo3_raw), STOP_US, now_s)
+        self.new_outputs = (message.servo1_raw, message.servo3_raw)
+        stop_us = STOP_US if self.outputs is None else self.outputs.pulses((STOP_US, STOP_US))[0]
+        self.obedience.measured(self.new_outputs, stop_us, now_s)
 
     def _on_system_status(self, message: Message, _now_s: float) -> None:
         volts = message.voltage_battery  # [mV]; 65535: not sent
         left = message.battery_remaining  # [%]; -1: not known
         known = 0 < volts < _NO_VOLTAGE
         self.battery = (volts / 1000 if known else None, left if 0 <= left <= 100 else None)
+
+    def _on_ais_vessel(self, message: Message, _now_s: float) -> None:
+        self.vessels = [*self.vessels, *ais_sentences(message)][-_REPORTS:]
 
     def depth_m(self, now_s: float) -> float | None:
         """[m] Give the water's depth, if the echo sounder is well and said so lately."""
@@ -321,6 +336,8 @@ class Listener:
     def _on_parameter(self, message: Message, _now_s: float) -> None:
         name, value = message.param_id, message.param_value
         self.replies += self.parameters.heard(name, value, self._settings.system_id)
+        if name.startswith(("SERVO", "MOT_")):
+            self.outputs = Outputs.bent(self.parameters.values)
         self.authority.failsafe_holds = self.parameters.has(*FAILSAFE_PARAMETERS)
 
 

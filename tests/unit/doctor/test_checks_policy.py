@@ -9,6 +9,7 @@ import pytest
 
 from twinscrew.runtime.doctor.checks import Verdict, check_card, check_policy
 from twinscrew.runtime.policy import load
+from twinscrew.runtime.policy.observation import PAPER
 from twinscrew.runtime.settings import CONFIG_DIR
 from twinscrew.runtime.vessel.config import RuntimeConfig
 
@@ -82,7 +83,7 @@ def test_a_policy_that_often_fails_is_a_warning(mine: Path) -> None:
 
 def test_a_policy_that_answers_differently_each_time_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     class Moody:
-        name, period_s = "moody", 0.5
+        name, period_s, shown = "moody", 0.5, PAPER
         rng = np.random.default_rng(0)
 
         def act(self, observation: object) -> object:

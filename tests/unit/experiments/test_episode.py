@@ -27,7 +27,9 @@ def test_an_episode_is_what_sitl_sails_bit_for_bit(sailed) -> None:
     assert ours == [(v.outcome, round(v.travel_time_s, 3)) for v in report.vessels]
 
 
-def test_two_that_meet_head_on_have_one_encounter_each(sailed) -> None:
+def test_two_that_meet_head_on_have_one_encounter_each() -> None:
+    """With a policy that alters late enough for both to be in each other's zone."""
+    sailed = sail_episode(task("ac_iqn_wam_v"))
     encounters = sailed.record.encounters
     assert {(e.kind, e.ego) for e in encounters} >= {("head_on", 0), ("head_on", 1)}
     nearest = [v.closest_approach_m for v in sailed.record.vessels]

@@ -117,4 +117,4 @@ def test_a_shipped_policy_refuses_a_hull_that_it_was_not_trained_for() -> None:
 
     scenario = load_scenario("random", vessels=1, seed=3, types=["blueboat"])
     with pytest.raises(PolicyError, match=r"WAM-V 16.*BlueBoat"):
-        sail(scenario, SitlSettings(policy="ac_iqn", seed=3, lockstep=True))
+        sail(scenario, SitlSettings(policy="ac_iqn_wam_v", seed=3, lockstep=True))

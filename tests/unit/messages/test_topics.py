@@ -13,7 +13,8 @@ ROOT = Path(__file__).parents[3]
 
 
 def test_the_core_takes_in_what_decides_a_run():
-    assert set(CORE_INPUTS) == {*("points", "odometry", "goal", "route", "engagement", "fallback")}
+    always = {"points", "odometry", "goal", "route", "engagement", "fallback"}
+    assert set(CORE_INPUTS) == always | {"nmea", "radar"}
 
 
 def test_every_topic_is_listed_under_its_own_name_and_key():

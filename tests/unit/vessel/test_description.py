@@ -242,7 +242,7 @@ def test_a_policy_for_another_vessel_is_refused_by_both_names() -> None:
     from twinscrew.runtime.vessel.pipeline import make_pipeline
 
     with pytest.raises(PolicyError, match=r"trained for 'WAM-V 16'.*Blue Robotics BlueBoat.*mpc"):
-        make_pipeline(config_for("blueboat", policy="ac_iqn"))
+        make_pipeline(config_for("blueboat", policy="ac_iqn_wam_v"))
     assert make_pipeline(config_for("blueboat", policy="mpc")).policy.name == "mpc"
 
 

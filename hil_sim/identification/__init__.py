@@ -1,0 +1,1 @@
+"""Identification of a vessel from recorded trials."""

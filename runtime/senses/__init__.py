@@ -1,0 +1,1 @@
+"""Sensors beside the LiDAR: what each says becomes looks for the tracker."""
