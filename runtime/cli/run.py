@@ -34,7 +34,8 @@ def run(
     arm: Annotated[
         bool,
         typer.Option(
-            "--arm", help="Consent to this run's driving, as autopilot.arm: it may turn propellers."
+            "--arm",
+            help="autopilot.arm and `twinscrew consent` in one, for this start. No service's.",
         ),
     ] = False,
     tethered: Annotated[
@@ -43,7 +44,8 @@ def run(
 ) -> None:
     """Run one vessel's runtime until it is told to stop (SIGINT or SIGTERM).
 
-    With `autopilot.arm = true` it asks for arming only after `twinscrew consent`, once.
+    With `autopilot.arm = true` it arms, or drives thrusters by topic, only after `twinscrew
+    consent`, once; or with --arm.
     """
     serve(load_approved(config, manifest, public_key), config, arm=arm, tethered=tethered)
 
@@ -69,7 +71,7 @@ def serve(
     for words in refused:
         say(settings.name, f"ordinary priority: {words}")
     withheld = None
-    if settings.autopilot.arm:
+    if settings.autopilot.arm and not arm:
         withheld = take(place_of(source, settings.autopilot.consent_file))
     if withheld is not None:
         settings = replace(settings, autopilot=replace(settings.autopilot, arm=False))

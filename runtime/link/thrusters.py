@@ -149,6 +149,10 @@ class ThrusterLink:
         """See `Autopilot`; it tells none."""
         return []
 
+    def take_ais(self) -> list[tuple[float, str]]:
+        """See `Autopilot`; it has no receiver."""
+        return []
+
     def tell(self, messages: Iterable[Message]) -> None:
         """See `Autopilot`; there are no ground stations."""
 

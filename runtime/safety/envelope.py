@@ -40,6 +40,10 @@ UPWARDS_RAD: Final = math.radians(8.5)
 """[rad] Beams that rise more pass 3 m over the LiDAR at 20 m."""
 VISIBILITY_EVERY_S: Final = 0.5
 """[s] The range image is looked at so often: that takes 0.2 ms."""
+SIDES: Final = 12
+"""[-] All around."""
+CLEARER_SIDES: Final = 0.25
+"""[-] The share of sides that are as clear as is said, or clearer."""
 MOST_NARROWING: Final = 0.999
 """[-] A scan of nothing but clutter."""
 
@@ -263,7 +267,8 @@ class Visibility:
 
     Drops in the air end beams at random: 1 - exp(-range / visibility) of them within the range
     (Beer and Lambert). Beams that rise by more than `UPWARDS_RAD` pass over boats and buoys, so
-    that what they meet is in the air; under trees, bridges and high walls it is not.
+    that what they meet is in the air. What stands high, as a wall or trees, stands on some sides;
+    fog is on all. So the clearer sides count; under a bridge it is still too low.
 
     Parameters
     ----------
@@ -285,7 +290,9 @@ class Visibility:
             self._known_s = now_s
             upper = image()[self._first :]
             if upper.size:
-                ended = min(float((upper > 0.0).mean()), MOST_NARROWING)
+                sides = np.array_split(upper > 0.0, min(SIDES, upper.shape[1]), axis=1)
+                shares = np.array([side.mean() for side in sides])
+                ended = min(float(np.quantile(shares, CLEARER_SIDES)), MOST_NARROWING)
                 self._known = -self._range_m / math.log1p(-ended) if ended else math.inf
         return self._known
 

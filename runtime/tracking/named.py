@@ -34,6 +34,10 @@ at most: what the LiDAR has not seen where it should have is not believed at onc
 SLACK_M, SLACK_MPS = 3.0, 0.5
 """[m], [m/s] How far sensors may disagree about one ship beyond what they say of themselves: they
 see different parts of it, at slightly different times."""
+PART_M = 6.0
+"""[m] What the LiDAR sees this near a ship's outline is a part of the ship."""
+EDGE_M = 3.0
+"""[m] How well parts that are seen tell where the outline lies, each scan."""
 WHOLE = 0.6
 """[-] A track of the LiDAR whose radius is a smaller share of the ship's is a part of it."""
 APART_SIGMA = 3.0
@@ -122,15 +126,15 @@ def hand_over(tracks: Sequence[Track], sources: frozenset[str], bank: FilterBank
             continue
         assert track.named is not None  # noqa: S101  (`only_named`)
         report = Report(track.named, track.x[2:4], math.sqrt(track.P[2, 2]))
-        fits = [t for t in seen if _agree(t, report, track.x[:2], track.P[:2, :2])]
-        for part in fits:
-            if not sources & part.sources:  # once: a part that comes into sight grows
-                _learn_velocity(part, report, bank)
-                part.sources |= track.sources
-        fits = [t for t in fits if t.radius >= WHOLE * track.named.radius_m]
+        small = WHOLE * track.named.radius_m
+        _join_parts(track, [t for t in seen if t.radius < small], report, bank)
+        fits = [
+            t for t in seen if t.radius >= small and _agree(t, report, track.x[:2], track.P[:2, :2])
+        ]
         if not fits:
             continue
         nearest = min(fits, key=lambda t: float(np.hypot(*(t.x[:2] - track.x[:2]))))
+        _learn_velocity(nearest, report, bank)
         nearest.named = track.named
         nearest.sources |= track.sources
         nearest.existence = max(nearest.existence, track.existence)
@@ -139,6 +143,34 @@ def hand_over(tracks: Sequence[Track], sources: frozenset[str], bank: FilterBank
         seen.remove(nearest)
         gone.append(track)
     return [track for track in tracks if track not in gone] if gone else list(tracks)
+
+
+def _join_parts(ship: Track, tracks: Sequence[Track], report: Report, bank: FilterBank) -> None:
+    """Let what the LiDAR sees at a ship's outline move as the ship does, and the ship lie there.
+
+    A scan shows where the surface is, but not how a part that just comes into sight moves; the ship
+    tells that. Its own position, by satellite, is off by some metres: the outline moves to what is
+    seen outside of it.
+    """
+    assert ship.named is not None  # noqa: S101  (`only_named`)
+    outside: list[Float64] = []
+    for part in tracks:
+        if part.age_s > 0.0:
+            continue
+        beyond = beyond_outline(part.x[:2], ship.x[:2], ship.named)
+        if math.hypot(beyond[0], beyond[1]) > PART_M:
+            continue
+        if not ship.sources & part.sources:  # once: a part that comes into sight grows
+            _learn_velocity(part, report, bank)
+            part.sources |= ship.sources
+        outside.append(beyond)
+    if not outside:
+        return
+    farthest = max(outside, key=lambda d: math.hypot(d[0], d[1]))
+    if math.hypot(farthest[0], farthest[1]) > 0.0:
+        z, R = ship.x[:2] + farthest, EDGE_M**2 * np.eye(2)
+        x, P = bank.update(ship.x[None], ship.P[None], z[None], POSITION_ONLY[None], R[None])
+        ship.x, ship.P = x[0], P[0]
 
 
 def pass_on_names(before: Sequence[Track], after: Sequence[Track]) -> None:
@@ -175,9 +207,21 @@ def outline_distance(p_N: Float64, centre_N: Float64, named: Named) -> float:
     d = p_N - centre_N
     if math.isnan(named.half_length_m) or math.isnan(named.heading):
         return max(float(np.hypot(*d)) - named.radius_m, 0.0)
+    beyond = beyond_outline(p_N, centre_N, named)
+    return math.hypot(beyond[0], beyond[1])
+
+
+def beyond_outline(p_N: Float64, centre_N: Float64, named: Named) -> Float64:
+    """Give the way, (2,) [m] [N], from the nearest point of an outline to a place; 0 within it."""
+    d = p_N - centre_N
+    if math.isnan(named.half_length_m) or math.isnan(named.heading):
+        distance = float(np.hypot(*d))
+        return d * (max(distance - named.radius_m, 0.0) / max(distance, 1e-6))
     c, s = math.cos(named.heading), math.sin(named.heading)
-    ahead, abeam = abs(c * d[0] + s * d[1]), abs(c * d[1] - s * d[0])
-    return math.hypot(max(ahead - named.half_length_m, 0.0), max(abeam - named.half_beam_m, 0.0))
+    ahead, abeam = c * d[0] + s * d[1], c * d[1] - s * d[0]
+    ahead -= min(max(ahead, -named.half_length_m), named.half_length_m)
+    abeam -= min(max(abeam, -named.half_beam_m), named.half_beam_m)
+    return np.array([c * ahead - s * abeam, s * ahead + c * abeam])
 
 
 def _of(tracks: Sequence[Track], identity: str) -> Track | None:

@@ -92,6 +92,11 @@ class Mission:
         self._held = Goal(stamp_ns=odometry.stamp_ns, position_N=odometry.position_N[:2].copy())
         self._off_place = False
 
+    @property
+    def holds(self) -> bool:
+        """Whether a place is kept, instead of heading for the goals."""
+        return self._held is not None
+
     def resume(self) -> None:
         """Head for the goals again."""
         self._held = None

@@ -452,10 +452,11 @@ class Vessel:
         slow = response in (Response.SLOW, Response.HOLD)
         self.pipeline.speed_limit = self._slow if slow else None
         self.pipeline.stopped = response in (Response.STOP, Response.HAND_OVER)
-        if response is Response.HOLD and self.inputs.newest is not None:
-            self.pipeline.mission.hold(self.inputs.newest)
-        else:
-            self.pipeline.mission.resume()
+        mission = self.pipeline.mission
+        mission.resume()
+        # Without a goal the boat lies still, and the sticks are perhaps a pilot's: so it stays.
+        if response is Response.HOLD and mission.target is not None and self.inputs.newest:
+            mission.hold(self.inputs.newest)
 
     # -- One tick.
 
@@ -530,7 +531,8 @@ class Vessel:
         if tripped is not None:
             self._fault = True  # neutral until the next decision
             self._tell(out, now_s, tripped)
-        nothing_to_do = self.health.state is State.READY and not self.pipeline.has_task
+        idle = self.health.state is State.READY or self.pipeline.stopped
+        nothing_to_do = idle and not self.pipeline.has_task
         handed_over = self.envelope.response is Response.HAND_OVER
         wanted = None if nothing_to_do or handed_over else out.thrust
         asks = not self._inputs_too_old
@@ -548,7 +550,7 @@ class Vessel:
             may_drive=status.engaged,
             fault=self._fault or now_s < self._held_until_s or self.pipeline.stopped,
             knows_surroundings=self._has_looked and not self.pipeline.is_settling,
-            has_goal=self.pipeline.has_task or self.envelope.response is Response.HOLD,
+            has_goal=self.pipeline.has_task or self.pipeline.mission.holds,
             warned=self.health.warned(now_s) or self.envelope.response is not Response.NONE,
         )
 

@@ -42,6 +42,20 @@ target = "runtime"
 """
 
 
+BY_TOPIC = """
+autopilot = "thrust"
+[promise]
+fault = "kill -9 of the runtime"
+reaction = "the process beside it sends zero"
+neutral_s = 60.0
+[[fault]]
+at_s = 4.0
+for_s = 6.0
+kind = "kill"
+target = "runtime"
+"""
+
+
 def written(folder: Path, name: str, text: str) -> Path:
     path = folder / f"{name}.toml"
     path.write_text(text)
@@ -93,3 +107,23 @@ def test_what_cannot_be_is_refused_before_anything_sails(tmp_path: Path, words, 
     done = twinscrew(*words, "--out", tmp_path / "run")
     assert done.returncode == 2
     assert said in done.stderr
+
+
+@pytest.mark.slow
+def test_thrusters_by_topic_stand_still_when_their_runtime_is_killed(tmp_path: Path) -> None:
+    file = written(tmp_path, "by_topic", BY_TOPIC)
+    done = twinscrew("faults", "--only", file, "--json", "--out", tmp_path / "kept")
+    assert done.returncode == 0, done.stderr
+    (neutral, *_) = as_json(done)["faults"]["by_topic"]["rows"]
+    assert (neutral["what"], neutral["kept"]) == ("neutral", True)
+    assert neutral["measured"] not in ("never", "never turned")
+
+
+def test_what_thrusters_by_topic_do_not_have_is_refused_by_name(tmp_path: Path) -> None:
+    text = BY_TOPIC.replace('"kill"', '"drop"').replace('"runtime"', '"to_autopilot"')
+    done = twinscrew("faults", "--only", written(tmp_path, "cut", text))
+    assert done.returncode == 2
+    assert "to_autopilot: of thrusters by topic there is no autopilot" in done.stderr
+    voyage = twinscrew("sitl", "--faults", written(tmp_path, "own", BY_TOPIC))
+    assert voyage.returncode == 2
+    assert "autopilot: thrusters by topic are tried with `twinscrew faults" in voyage.stderr

@@ -12,10 +12,13 @@ from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.recording.recording import find_recordings
 from twinscrew.runtime.vessel.replay import replay
 
+POLICY = "ac_iqn_wam_v"
+"""The one that was trained among small vessels and sees 20 m: ships are beyond it."""
+
 
 def passage(ais: bool, folder: Path | None = None, **more) -> SitlReport:
     marine = MarineSettings(ais=AisTransponders() if ais else None, **more)
-    settings = SitlSettings(lockstep=True, marine=marine)
+    settings = SitlSettings(policy=POLICY, lockstep=True, marine=marine)
     return sail(load_scenario("ship_crossing"), settings, folder)
 
 
@@ -25,17 +28,19 @@ def events_of(recording):
         yield from (event for event in decision.events)
 
 
+@pytest.mark.slow
 def test_ais_alone_makes_the_boat_give_way_to_a_ship_that_the_lidar_sees_too_late(tmp_path):
     (blind,) = passage(False).vessels
     (aided,) = passage(True, tmp_path).vessels
     assert blind.outcome == "collision"
     assert aided.outcome == "goal"
-    assert aided.closest_approach_m > 1.0
+    assert aided.closest_approach_m > 0.3
     (recording,) = find_recordings(tmp_path / "wamv1")
     alarms = [event for event in events_of(recording) if event.name == "collision_course"]
     assert "NORDLYS" in alarms[0].detail
 
 
+@pytest.mark.slow
 def test_a_run_with_ais_and_radar_replays_to_the_same_decisions(tmp_path):
     passage(True, tmp_path, radar=RadarUnit())
     (recording,) = find_recordings(tmp_path / "wamv1")
@@ -44,7 +49,7 @@ def test_a_run_with_ais_and_radar_replays_to_the_same_decisions(tmp_path):
     assert replay(recording).same
 
 
-@pytest.mark.slow
+@pytest.mark.realtime
 def test_in_real_time_ais_comes_as_datagrams_and_is_recorded(tmp_path):
     scenario = replace(load_scenario("ship_crossing"), time_limit_s=8.0)
     marine = MarineSettings(ais=AisTransponders(loss=0.0))

@@ -6,13 +6,16 @@ import json
 import re
 import shlex
 import signal
+import textwrap
 import threading
 import time
+import tomllib
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
+import tomli_w
 import zenoh
 from tests.docs.commands import ROOT, commands_of
 from tests.harness.boat import cloud, odometry
@@ -26,6 +29,7 @@ from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS, key, type_store
 from twinscrew.runtime.recording.recording import find_recordings
 
+pytestmark = pytest.mark.slow
 PAGE = ROOT / "docs" / "ros2.md"
 STEPS = ("sitl", "doctor", "run", "goal", "enable")
 
@@ -37,24 +41,30 @@ def steps() -> dict[str, list[str]]:
         words = shlex.split(command.words)
         if command.is_shown and words[0] == "twinscrew" and "--zenoh-" not in command.words:
             name = words[2] if words[1] == "send" else words[1]
-            found.setdefault(name, words[1:])
+            if name in STEPS:
+                found.setdefault(name, words[1:])
     return found
 
 
-def boats_file(folder: Path, port: int, key_format: str) -> Path:
-    """Write the page's first boat.toml, with another port and key format."""
-    (text, *_) = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
-    text = re.sub(r"^ +", "", text, flags=re.MULTILINE).replace("7447", str(port))
-    text += f'key_format = "{key_format}"\n[recording]\nfolder = "{folder / "kept"}"\n'
-    (folder / "boat.toml").write_text(text)
+def boats_file(folder: Path, port: int, key_format: str, *, senses: bool) -> Path:
+    """Write the page's boat.toml, with another port and key format; `senses`: by GPS and IMU."""
+    blocks = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    boat, gps_imu = (tomllib.loads(textwrap.dedent(block)) for block in blocks[:2])
+    boat |= gps_imu if senses else {}
+    endpoints = [endpoint.replace("7447", str(port)) for endpoint in boat["bus"]["connect"]]
+    boat["bus"] = {"connect": endpoints, "key_format": key_format}
+    boat["recording"] = {"folder": str(folder / "kept")}
+    (folder / "boat.toml").write_text(tomli_w.dumps(boat))
     return folder / "boat.toml"
 
 
-@pytest.mark.parametrize("key_format", ["ros2dds", "rmw_zenoh"])
-def test_the_documented_steps_sail_the_boat_to_its_goal(tmp_path: Path, key_format: str) -> None:
+@pytest.mark.parametrize(("key_format", "senses"), [("ros2dds", False), ("rmw_zenoh", True)])
+def test_the_documented_steps_sail_the_boat_to_its_goal(
+    tmp_path: Path, key_format: str, senses: bool
+) -> None:
     done, port = steps(), free_port()
     assert tuple(done) == STEPS
-    boat = boats_file(tmp_path, port, key_format)
+    boat = boats_file(tmp_path, port, key_format, senses=senses)
 
     def words(step: str) -> list[str]:
         return [str(boat) if word == "boat.toml" else word for word in done[step]]
@@ -65,7 +75,8 @@ def test_the_documented_steps_sail_the_boat_to_its_goal(tmp_path: Path, key_form
         wait_until(lambda: "waits for thrust" in log.read_text())
         heard = twinscrew(*words("doctor"), "--json")
         rows = {row["what"]: row["verdict"] for row in json.loads(heard.stdout)["checks"]}
-        assert {rows["points"], rows["odometry"]} == {"OK"}, heard.stdout
+        inputs = ("points", "gps", "imu") if senses else ("points", "odometry")
+        assert {rows[name] for name in inputs} == {"OK"}, heard.stdout
         with running(*words("run"), log=told) as runtime:
             wait_until(lambda: "wamv: running" in told.read_text())
             assert twinscrew(*words("goal")).returncode == 0
@@ -268,7 +279,7 @@ def test_a_session_like_a_ros_2_nodes_joins_simulated_boats(tmp_path: Path) -> N
         assert abs(stamps_ns[-1] - time.time_ns()) < 60e9  # the time at which it was made
         tokens = node.liveliness().get("@ros2_lv/3/**")
         graph = {
-            str(reply.ok.key_expr).split("/")[9]
+            str(reply.ok.key_expr).split("/")[8]
             for reply in tokens
             if "/MP/" in str(reply.ok.key_expr)
         }

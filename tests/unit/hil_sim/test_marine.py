@@ -20,6 +20,7 @@ from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.messages.marine import decode_radar_scan, decode_sentence
 from twinscrew.runtime.senses.ais import Ais, AisSettings
 
+pytestmark = pytest.mark.slow
 DATUM = Datum(latitude_deg=-33.7221, longitude_deg=150.6739)
 SHIP = TrafficEntry(
     start_m=(200.0, 150.0), course_deg=270.0, speed_mps=4.0, length_m=20.0, beam_m=6.0, name="NORD"

@@ -10,6 +10,7 @@ from tests.harness.boat import FAR_AHEAD, Steady, cloud, make_pipeline, odometry
 
 from twinscrew.runtime.bus.base import Received
 from twinscrew.runtime.errors import ConfigError, MessageError
+from twinscrew.runtime.link.autopilot import Autopilot, AutopilotStatus
 from twinscrew.runtime.link.thrusters import PAUSE_S, ThrusterLink, ThrusterSettings
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Goal
@@ -98,6 +99,14 @@ def test_it_never_drives_after_a_false_until_true_has_paused_nor_longer_than_all
 def test_what_is_no_bool_is_refused(payload: bytes) -> None:
     with pytest.raises(MessageError):
         ThrusterLink(armed=True).hear("enable", payload, 1.0)
+
+
+def test_it_has_all_that_a_vessel_asks_of_an_autopilot() -> None:
+    link = ThrusterLink()
+    for protocol, made in ((Autopilot, link), (AutopilotStatus, link.status)):
+        asked = {name for name in vars(protocol) if not name.startswith("_")}
+        assert len(asked) >= 5
+        assert not {name for name in asked if not hasattr(made, name)}
 
 
 # -- In a vessel.

@@ -163,6 +163,12 @@ def test_what_stands_low_is_no_fog_and_a_lidar_that_looks_down_knows_nothing() -
     assert math.isnan(Visibility(np.linspace(-0.4, 0.0, 32), 20.0).step(lambda: image, 0.0))
 
 
+def test_a_high_wall_on_one_side_is_no_fog() -> None:
+    image = np.zeros((32, 2000), dtype=np.float32)
+    image[:, :1300] = 4.0  # two thirds of the horizon
+    assert Visibility(np.linspace(-0.2, 0.5, 32), 20.0).step(lambda: image, 0.0) == math.inf
+
+
 @given(
     st.tuples(st.floats(-500, 1000), st.floats(-500, 1000)),
     st.floats(-2, 5),
@@ -283,6 +289,31 @@ def test_hold_keeps_the_place_and_heads_back_when_it_drifts() -> None:
     boat.pilot.rover.parameters.set("SIM_DEPTH", 10.0)
     boat.sail(4.0)
     assert boat.vessel.pipeline.mission.goal is not before
+
+
+def test_a_boat_without_a_goal_is_not_held_against_a_pilots_sticks() -> None:
+    boat = Sailing("hold", receiver=True).sail(6.0)
+    nothing = cdr.encode_path(np.empty((0, 2)), stamp_ns=stamp(boat.now_s))
+    boat.note(feed(boat.vessel, "route", nothing, boat.now_s))
+    boat.sail(2.0)
+    assert boat.vessel.health.state is State.READY
+    boat.pilot.rover.parameters.set("SIM_DEPTH", 1.0)
+    assert boat.sail(3.0).vessel.health.state is State.READY
+    assert boat.vessel.envelope.response is Response.HOLD
+    assert not boat.vessel.pipeline.mission.holds
+
+
+@pytest.mark.parametrize("response", RESPONSES)
+def test_outside_it_a_pilot_still_steers_a_boat_that_has_no_goal(response: str) -> None:
+    boat = Sailing(response, receiver=True).sail(6.0)
+    nothing = cdr.encode_path(np.empty((0, 2)), stamp_ns=stamp(boat.now_s))
+    boat.note(feed(boat.vessel, "route", nothing, boat.now_s))
+    boat.pilot.rover.parameters.set("SIM_RC_FAIL", 0.0)
+    boat.pilot.rover.radio.sticks[0] = boat.pilot.rover.radio.sticks[2] = 1700
+    boat.sail(3.0)
+    assert boat.pilot.rover.propellers == (1700, 1700)
+    boat.pilot.rover.parameters.set("SIM_DEPTH", 1.0)
+    assert boat.sail(3.0).pilot.rover.propellers == (1700, 1700)
 
 
 def test_hand_over_gives_the_channels_back_and_waits_for_an_order() -> None:

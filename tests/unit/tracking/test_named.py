@@ -129,6 +129,21 @@ def test_the_lidars_tracks_are_the_same_to_the_last_bit_whatever_ais_says_elsewh
         np.testing.assert_array_equal(one.covariance, two.covariance[mine])
 
 
+def test_the_outline_of_a_ship_moves_to_what_the_lidar_sees_of_it():
+    tracker = make(ais=AIS)
+    for k in range(40):
+        here, ship = scene.odometry(k * scene.SCAN), np.array([16.0, -8.0 + 0.4 * k])
+        if k == 0:  # the report is 4 m too far north
+            tracker.take(report(ship + np.array([4.0, 0.0]), (0.0, 4.0), here.stamp_ns))
+        side = ship - (3.0, 0.0)
+        tracks = tracker.step(scene.objects(side[None], here), here)
+        if k == 1:
+            before = tracks.p_N[0, 0]
+    assert before > 19.0
+    assert abs(tracks.p_N[0, 0] - 16.0) < 1.5
+    assert tracks.name[0] == "257123450 NORDLYS"
+
+
 def test_a_name_alone_changes_no_position():
     tracker, here = make(ais=AIS), scene.odometry(0)
     tracker.take(report((10.0, 100.0), (0.0, 4.0), 0))
