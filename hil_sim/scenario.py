@@ -166,7 +166,7 @@ def on_trial(scenario: Scenario, trial: str, time_s: float) -> Scenario:
     room = max(room_m(trial, load_vessel(kind)) for kind in scenario.types)
     starts = np.zeros((scenario.vessels, 3))
     starts[:, 0] = room
-    starts[:, 1] = room + 3.0 * room * np.arange(scenario.vessels)
+    starts[:, 1] = room + 8.0 * room * np.arange(scenario.vessels)
     return changed(
         scenario,
         name=f"trial {trial}",

@@ -60,10 +60,10 @@ def runtime_config(
 
 
 def _trial(settings: SitlSettings, kind: VesselDescription) -> dict[str, Any]:
-    """Give a trial all the water that it needs: the simulated sea has no shore."""
+    """Give a trial three times the water that it needs: the simulated sea has no shore."""
     if not settings.trial:
         return {}
-    around_m = room_m(settings.trial, kind)
+    around_m = 3.0 * room_m(settings.trial, kind)
     return {"name": settings.trial, "around_m": around_m, "max_time_s": settings.trial_time_s}
 
 

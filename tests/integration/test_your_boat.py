@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from tests.harness.commands import as_json, twinscrew
 
+pytestmark = pytest.mark.slow
+
 LEAST = """[vessel]
 name = "My boat"
 length_m = 1.6

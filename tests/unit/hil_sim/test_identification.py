@@ -97,6 +97,7 @@ def tried(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict, Path, I
     return run, truth, file, identify([run], str(file))
 
 
+@pytest.mark.slow
 def test_a_hull_that_nobody_has_seen_is_found(tried) -> None:
     _, truth, _, found = tried
     real = describe(table_of(truth))
@@ -106,6 +107,7 @@ def test_a_hull_that_nobody_has_seen_is_found(tried) -> None:
     assert found.validation.position_rmse_5s_m < 0.5 * found.given.position_rmse_5s_m
 
 
+@pytest.mark.slow
 def test_the_result_is_a_vessels_file_that_sails_and_the_figure_is_drawn(tried) -> None:
     run, _, _, found = tried
     file = run / "identified.toml"
@@ -118,6 +120,7 @@ def test_the_result_is_a_vessels_file_that_sails_and_the_figure_is_drawn(tried) 
     assert "<svg" in (run / "figure.svg").read_text()[:1000]
 
 
+@pytest.mark.slow
 def test_the_object_says_what_was_found_and_what_the_trials_do_not_tell(tried) -> None:
     *_, found = tried
     told = json.loads(json.dumps(found.as_dict()))
@@ -131,6 +134,7 @@ def test_the_object_says_what_was_found_and_what_the_trials_do_not_tell(tried) -
     assert any("only by their ratio" in words for words in told["warnings"])
 
 
+@pytest.mark.slow
 def test_a_mass_that_is_twice_the_true_one_is_found_out(tried) -> None:
     run, truth, file, _ = tried
     wrong = run / "wrong.toml"
