@@ -158,7 +158,7 @@ def _time_stages(scans: Scans, count: int, watch: Stopwatch) -> None:
         with watch.time("track"):
             tracks = pipeline.tracker.step(objects, _at(odometry, stamp_ns))
         with watch.time("observe"):
-            seen = observe(odometry, goal, tracks, thrust)
+            seen = observe(odometry, goal, tracks, thrust, shown=pipeline.policy.shown)
         with watch.time("infer"):
             pipeline.policy.act(seen)
         with watch.time("encode"):

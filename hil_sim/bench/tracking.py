@@ -264,5 +264,5 @@ def _decide(world: World, vessel: int, policy: Policy, thrust: Float64) -> Float
         age_s=np.zeros(count),
     )
     goal = Goal(stamp_ns=odometry.stamp_ns, position_N=world.scenario.goals[vessel])
-    rate = policy.act(observe(odometry, goal, tracks, thrust))
+    rate = policy.act(observe(odometry, goal, tracks, thrust, shown=policy.shown))
     return np.clip(thrust + rate * policy.period_s, *THRUST_N)

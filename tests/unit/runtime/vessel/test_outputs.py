@@ -74,7 +74,7 @@ def test_what_is_published_is_recorded_with_the_clocks_time() -> None:
     publisher.publish(outputs(messages=[Taken("points", b"scan")], decision=decide()))
     assert book.pages[0] == ("points", b"scan", 7)
     assert [topic for topic, *_ in book.pages[1:]] == [
-        "decision", "objects", "tracks", "situation", "thrust_left", "thrust_right"
+        "decision", "objects", "tracks", "detections", "situation", "thrust_left", "thrust_right"
     ]  # fmt: skip
 
 
