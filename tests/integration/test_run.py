@@ -152,7 +152,7 @@ def test_an_unknown_key_is_refused_with_those_that_are_known(tmp_path: Path) -> 
 def test_a_policy_made_for_something_else_is_refused(
     tmp_path: Path, changes: dict[str, str | None], words: list[str]
 ) -> None:
-    model = onnx.load(CONFIG_DIR / "policies" / "ac_iqn.onnx")
+    model = onnx.load(CONFIG_DIR / "policies" / "ac_iqn_wam_v.onnx")
     properties = {entry.key: entry.value for entry in model.metadata_props}
     kept = {k: v for k, v in {**properties, **changes}.items() if v is not None}
     onnx.helper.set_model_props(model, kept)

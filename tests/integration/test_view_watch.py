@@ -48,7 +48,9 @@ WATCH_WORDS = """
 
 
 def sailed(folder, scenario, **settings):
-    sail(scenario, SitlSettings(lockstep=True, **settings), folder)
+    # The policy of the default vessel alone: what it does in these encounters is what is drawn.
+    policy = {"policy": "ac_iqn_wam_v", **settings}
+    sail(scenario, SitlSettings(lockstep=True, **policy), folder)
     write_scene(folder, scenario)
     return folder
 

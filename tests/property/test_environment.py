@@ -91,13 +91,14 @@ def test_the_broad_phase_never_misses_a_contact(seed: int, spread: float, speed:
     there = generator.random((4, 5)) < 0.8
     buoy = generator.uniform(0, spread, (4, 3)) * (1 + 1j)
     buoy_there = generator.random((4, 3)) < 0.7
+    radius = np.full((4, 5), 2.8)
     strayed = contacts.strayed(trajectory.reshape(11, 2, -1)).reshape(4, 5)
     place = trajectory[1:, 0] + 1j * trajectory[1:, 1]
     both = there[:, :, None] & there[:, None, :] & ~np.eye(5, dtype=bool)
     near = np.abs(place[..., :, None] - place[..., None, :]) < 2 * 2.8
     expected = (near.any(axis=0) & both).any(axis=-1)
-    assert np.array_equal(contacts.between_vessels(trajectory, strayed, there, 2.8), expected)
+    assert np.array_equal(contacts.between_vessels(trajectory, strayed, there, radius), expected)
     near = np.abs(place[..., :, None] - buoy[:, None, :]) < 2.8 + 1.0
     expected = (near.any(axis=0) & there[:, :, None] & buoy_there[:, None, :]).any(axis=-1)
-    found = contacts.with_buoys(trajectory, strayed, there, 2.8, buoy, buoy_there, 1.0)
+    found = contacts.with_buoys(trajectory, strayed, there, radius, buoy, buoy_there, 1.0)
     assert np.array_equal(found, expected)

@@ -123,8 +123,8 @@ def test_the_recording_is_worth_replaying() -> None:
     others: dict[str, int] = {}
     for message in inputs(case="senses").inputs():
         others[message.topic] = others.get(message.topic, 0) + 1
-    assert others["nmea"] >= 3
-    assert others["radar"] >= 3
+    assert others["nmea"] >= 2
+    assert others["radar"] >= 2
     with_ship = [cdr.decode_decision(payload) for payload in decide("senses")]
     (alarm,) = {e.detail[:9] for d in with_ship for e in d.events if e.name == "collision_course"}
     assert alarm == "257000001"

@@ -15,7 +15,7 @@ from twinscrew.training.perception import Observations
 
 
 def test_a_policy_for_one_row_only_is_refused_with_what_it_was_asked(tmp_path: Path) -> None:
-    model = onnx.load(CONFIG_DIR / "policies" / "ac_iqn.onnx")
+    model = onnx.load(CONFIG_DIR / "policies" / "ac_iqn_wam_v.onnx")
     for given in model.graph.input:
         given.type.tensor_type.shape.dim[0].dim_value = 1
     onnx.save(model, tmp_path / "one.onnx")

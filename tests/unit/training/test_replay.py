@@ -1,11 +1,12 @@
 """What is kept of experience: n-step transitions, draws, priorities, files, rollouts."""
 
+import os
+
 import numpy as np
 import pytest
 import torch
 
 from twinscrew.runtime.errors import ConfigError, TwinscrewError
-from twinscrew.training import runs
 from twinscrew.training.perception import PACKED_COLUMNS
 from twinscrew.training.replay import (
     BLOCK,
@@ -299,7 +300,7 @@ def test_a_full_disk_leaves_the_last_files(tmp_path, monkeypatch):
     def full(*args):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(runs.os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(TwinscrewError, match="No space left"):
         replay.save(tmp_path, finished=False)
     assert files_of(tmp_path) == ["replay_0_0.npy"]
