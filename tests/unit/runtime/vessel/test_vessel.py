@@ -242,8 +242,11 @@ def test_a_fault_of_the_policys_code_is_an_event_and_a_second_later_it_is_asked_
     assert thrusts(dock.sail(2.6, 2.6)) == [[50.0, 50.0]]
 
 
-def test_a_topic_that_is_no_input_is_an_event_too() -> None:
-    assert names(Dock().feed("clock", b"")) == ["internal_error"]
+def test_what_the_vessel_does_not_use_is_recorded_and_changes_nothing() -> None:
+    """As the messages of a sensor that it has no settings for, whatever is in them."""
+    out = Dock().feed("radar", b"no message at all")
+    assert names(out) == []
+    assert [taken.topic for taken in out.messages] == ["radar"]
 
 
 LIMIT_S = 0.5
