@@ -16,6 +16,7 @@ def voyage(seed: int, *, enabled: bool) -> Episode:
     return sail(1, 12, seed, policy="random", assurance=settings, limit_s=12.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [10, 13])
 def test_a_random_policy_that_hits_a_buoy_does_not_with_the_assurance(seed: int) -> None:
     without, assured = voyage(seed, enabled=False), voyage(seed, enabled=True)

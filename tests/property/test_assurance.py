@@ -116,6 +116,7 @@ def test_nor_can_a_policy_and_the_wind_together(p_N, rates, wind_N):
     assert np.min(Voyage(p_N, rates, wind_N).gaps) > 0.0
 
 
+@pytest.mark.slow
 def test_who_does_not_learn_of_the_wind_drifts_into_the_buoy():
     turning = [(300.0, -200.0)] * 80
     abeam = [np.array([[0.0, distance_m]]) for distance_m in (5.0, 6.0, 8.0)]
@@ -134,6 +135,7 @@ def test_without_it_the_same_recklessness_ends_on_the_buoy():
     assert np.min(Voyage(p_N, ahead).gaps) > 0.0
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(30), deadline=None)
 @given(PLACES, RATES)
 def test_a_manoeuvre_respects_the_propellers_limits(p_N, rates):

@@ -4,6 +4,7 @@ import math
 import warnings
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.harness.circling import EPOCH_NS, WITH_DATUM
@@ -43,6 +44,7 @@ FIXES = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(60), deadline=None)
 @given(st.lists(st.one_of(IMUS, IMUS, FIXES), max_size=60))
 def test_nothing_makes_it_raise_or_give_what_is_no_number(messages):

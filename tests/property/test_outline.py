@@ -56,6 +56,7 @@ def scene(rng: np.random.Generator, s: Sensor) -> np.ndarray:
     return points_S
 
 
+@pytest.mark.slow
 @given(
     seed=st.integers(0, 10**6),
     columns=st.sampled_from(COLUMNS),

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import structs
@@ -110,6 +111,7 @@ def test_the_kernel_finds_the_clusters_of_the_plain_reference(
     assert count == len(np.unique(labels[labels >= 0]))
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(40), deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), sensor=st.sampled_from([ALL_ROUND, UNEVEN]))
 def test_points_anywhere_go_to_the_cell_that_trigonometry_says(seed: int, sensor: Sensor) -> None:

@@ -214,6 +214,7 @@ def test_without_any_force_momentum_is_kept_to_the_order_of_the_step(seed):
     np.testing.assert_allclose(coarse / fine, 2.0, rtol=0.1)
 
 
+@pytest.mark.slow
 def test_halving_the_step_halves_the_error():
     # Semi-implicit Euler is of first order. In the paper's sea, turning hard, 10 s.
     def end(dt_s):

@@ -2,6 +2,7 @@
 
 import math
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -60,6 +61,7 @@ def messages(draw):
     return kind(**values)
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(80), deadline=None)
 @given(st.lists(messages(), max_size=8))
 def test_nothing_that_is_said_breaks_it_and_no_goal_is_out_of_reach(said) -> None:

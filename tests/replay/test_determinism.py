@@ -69,16 +69,19 @@ def test_repeated_in_this_process(case: str, expected: dict[str, str]) -> None:
     assert {sha256(decide(case)) for _ in range(3)} == {expected[case]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_in_another_process(case: str, expected: dict[str, str]) -> None:
     assert elsewhere(case) == expected[case]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", ["0", "12345"])
 def test_whatever_seed_python_hashes_with(seed: str, expected: dict[str, str]) -> None:
     assert elsewhere("ac_iqn", {"PYTHONHASHSEED": seed}) == expected["ac_iqn"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("cores", [1, 2])
 def test_on_one_core_and_on_two(case: str, cores: int, expected: dict[str, str]) -> None:

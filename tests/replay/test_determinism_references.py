@@ -130,6 +130,7 @@ def test_checking_shows_the_difference_and_renews_nothing(
     assert accept.main(["--check"]) == 1
 
 
+@pytest.mark.slow
 def test_without_a_yes_nothing_is_renewed(
     copy: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

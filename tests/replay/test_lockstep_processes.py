@@ -62,6 +62,7 @@ def test_a_busy_machine_changes_nothing(here: tuple[Path, SitlReport]) -> None:
         assert sail(BRIEF, ELSEWHERE).sha256 == here[1].sha256
 
 
+@pytest.mark.slow
 def test_another_seed_decides_otherwise(here: tuple[Path, SitlReport]) -> None:
     other = SitlSettings(sensor="vrx16", lockstep=True, processes=True, seed=1)
     assert sail(BRIEF, other).sha256 != here[1].sha256

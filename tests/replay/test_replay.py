@@ -96,6 +96,7 @@ def record(folder: Path, config: RuntimeConfig = CONFIG) -> str:
     return publisher.sha256
 
 
+@pytest.mark.slow
 def test_a_replay_says_which_part_of_the_recording_is_not_there(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

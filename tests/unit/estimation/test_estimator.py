@@ -26,6 +26,7 @@ def lasts(begin_s, end_s):
     return lambda message, time_s: None if begin_s <= time_s < end_s else message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [SensorSettings(), ELSEWHERE], ids=["VRX's", "elsewhere, turned"])
 def test_exact_sensors_give_the_truth_wherever_they_sit(place):
     settings = EstimationSettings(datum=DATUM, sensors=place)
@@ -161,6 +162,7 @@ def test_a_fix_far_off_is_not_used():
     assert not boat.named("gps_disagrees")
 
 
+@pytest.mark.slow
 def test_fixes_that_stay_far_off_are_believed_after_a_while():
     def spoil(fix, time_s):
         off_m = 30.0 if time_s > 10.0 else 0.0
@@ -217,6 +219,7 @@ def test_a_clock_set_back_starts_it_anew():
     assert len(boat.odometry) > 140
 
 
+@pytest.mark.slow
 def test_a_better_receiver_counts_for_more():
     """Covariances are those of the messages."""
     good = Circling(imu=ImuSettings(), gps=with_settings(NOISY_GPS, horizontal_sigma_m=0.05))

@@ -36,6 +36,7 @@ def test_two_that_meet_head_on_have_one_encounter_each() -> None:
     assert min(e.gap_m for e in encounters) == pytest.approx(min(nearest), abs=0.1)
 
 
+@pytest.mark.slow
 def test_an_episode_can_be_sailed_again_and_gives_the_same(sailed) -> None:
     again = sail_episode(task()).record
     assert again.decisions_sha256 == sailed.record.decisions_sha256

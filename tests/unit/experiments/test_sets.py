@@ -19,6 +19,7 @@ def test_a_set_draws_what_it_says() -> None:
     assert (scenario.vessels, len(scenario.buoys)) == (5, 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "words"),
     [

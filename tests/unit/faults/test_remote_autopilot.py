@@ -76,6 +76,7 @@ def test_a_parameter_can_be_set(bench: Bench) -> None:
     wait_until(lambda: bench.tick() or not bench.autopilot.thrust_command_N().any())
 
 
+@pytest.mark.slow
 def test_killed_it_is_silent_and_comes_back_disarmed(bench: Bench) -> None:
     wait_until(bench.drives)
     bench.autopilot.kill()

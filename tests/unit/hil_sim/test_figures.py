@@ -95,6 +95,7 @@ def test_a_picture_of_a_run_elsewhere_shows_the_run_and_not_the_map(
     assert np.subtract(high, shift_m).tolist() == [54.0, 30.5]
 
 
+@pytest.mark.slow
 def test_a_run_far_from_the_origin_is_drawn_where_it_was(tmp_path: Path) -> None:
     pictures = []
     for shift_m in ((0.0, 0.0), (1e5, -2e5)):
@@ -192,6 +193,7 @@ def test_numbers_lie_apart_and_nothing_is_cut_at_the_axes() -> None:
             assert ((np.array(arrow.xy) >= low) & (np.array(arrow.xy) <= high)).all()
 
 
+@pytest.mark.slow
 def test_a_figure_is_saved_for_the_screen_and_for_print_the_same_each_time(tmp_path: Path) -> None:
     scenario, log = crowded()
     drawings = []

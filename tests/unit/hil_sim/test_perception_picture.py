@@ -16,6 +16,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 MARK = np.array([[5.0, -3.0, 1.0, 0.5, 2.8]])
 
 
+@pytest.mark.slow
 def test_open_water_and_a_harbour_are_drawn(tmp_path: Path) -> None:
     draw_open(tmp_path / "open.png", scans=4)
     draw_harbour(tmp_path / "harbour.png")

@@ -110,6 +110,7 @@ except RuntimeError as error:
 """
 
 
+@pytest.mark.slow
 def test_a_runtime_that_reads_a_recording_a_policy_and_its_settings_unpickles_nothing() -> None:
     """Asked of the interpreter itself, which also sees what packages do."""
     done = subprocess.run(

@@ -90,6 +90,7 @@ def test_a_killed_runtime_is_several_lives_and_the_longest_counts() -> None:
     assert longest(killed, 0.4).memory_mb_per_h == pytest.approx(90.0)
 
 
+@pytest.mark.slow
 def test_the_report_has_table_figure_and_verdict(tmp_path: Path) -> None:
     bad = replace(FINE, log="Traceback", name="wamv2")
     everything = found([FINE, bad])

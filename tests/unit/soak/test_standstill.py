@@ -22,6 +22,7 @@ def test_only_what_lies_within_counts(begin_s: float, end_s: float, held_up_s: f
     assert within(STILL, begin_s, end_s) == held_up_s
 
 
+@pytest.mark.slow
 def test_a_watchman_who_could_not_run_writes_down_from_when_to_when(tmp_path: Path) -> None:
     with Watch(tmp_path) as watch:
         wait_until(lambda: all(file.exists() for file in watch.files.values()))

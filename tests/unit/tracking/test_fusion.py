@@ -243,6 +243,7 @@ def test_a_vessel_and_what_it_tows_are_one():
     assert np.hypot(*(track.x[:2] - sail(39))) < 3.0
 
 
+@pytest.mark.slow
 def test_the_state_errors_are_as_large_as_stated():
     """Position and velocity NEES of simulated targets: the mean of independent runs is near 4."""
     rng, nees, dt = np.random.default_rng(7), [], 0.5

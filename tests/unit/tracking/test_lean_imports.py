@@ -88,6 +88,7 @@ print(json.dumps([
     assert run(code) == [True, True]
 
 
+@pytest.mark.slow
 def test_the_extended_filter_comes_the_same_way():
     code = """
 import inspect, json

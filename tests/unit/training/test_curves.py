@@ -61,6 +61,7 @@ def test_a_log_of_an_older_version_is_refused(tmp_path):
         learning_curve([run(tmp_path / "0", [0.5])], "regret")
 
 
+@pytest.mark.slow
 def test_of_an_older_log_what_it_has_is_drawn(tmp_path):
     old = tmp_path / "a" / "seed_0"
     run(old, [])

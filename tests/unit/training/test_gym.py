@@ -105,6 +105,7 @@ def test_a_nan_action_is_refused_by_both() -> None:
         one.step(np.array([0.0, np.inf], np.float32))
 
 
+@pytest.mark.slow
 def test_pictures_show_hulls_goals_and_buoys() -> None:
     env = VesselsEnv(CROWDED, render_mode="rgb_array")
     env.reset(seed=1)

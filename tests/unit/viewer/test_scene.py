@@ -59,6 +59,7 @@ def test_a_scene_of_an_earlier_version_is_read(tmp_path):
     assert read_scene(tmp_path) == Scene(name="old", names=("wamv1",))
 
 
+@pytest.mark.slow
 def test_a_run_leaves_where_each_vessel_ended_and_where_it_was_held(tmp_path):
     scenario = load_scenario("random", vessels=1, buoys=0, seed=3)
     sail(scenario, SitlSettings(lockstep=True, policy="apf"), tmp_path)

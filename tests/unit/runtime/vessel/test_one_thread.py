@@ -18,6 +18,7 @@ print(json.dumps([os.environ["OPENBLAS_NUM_THREADS"], len(os.listdir("/proc/self
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wanted", [None, "2"])
 def test_the_boats_command_has_one_numerical_thread_unless_told_otherwise(wanted) -> None:
     environment = {k: v for k, v in os.environ.items() if k not in VARIABLES}

@@ -218,6 +218,7 @@ def test_a_connection_that_breaks_is_told_once_and_the_loop_goes_on() -> None:
     assert "link_restored" not in rig.names
 
 
+@pytest.mark.slow
 def test_a_connection_that_comes_back_is_told_once_and_each_new_break_again() -> None:
     rig = Rig().run(5.0)
     for times in (1, 2):
@@ -358,6 +359,7 @@ def test_whatever_raises_stops_the_propellers_is_named_and_does_not_end_the_loop
     assert rig.turned(rig.clock.now_s - 0.2)
 
 
+@pytest.mark.slow
 def test_what_raises_once_costs_a_second_of_thrust(monkeypatch: pytest.MonkeyPatch) -> None:
     rig = Rig().run(5.0)
     with monkeypatch.context() as patched:
