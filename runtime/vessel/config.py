@@ -217,15 +217,20 @@ def _following(values: dict[str, Any], file: Path | None) -> RuntimeConfig:
 
 
 def _envelope_of(values: dict[str, Any], file: Path | None) -> dict[str, Any]:
-    """Read the operational envelope where a file of it is named; paths count from `file`."""
+    """Read the operational envelope where a file of it is named; paths count from `file`.
+
+    One that is given, as a table or a file, is meant, whatever the hull, unless it says otherwise.
+    """
     named = values.get("envelope")
+    if isinstance(named, dict):
+        return {"envelope": {"enabled": True, **named}}
     if not isinstance(named, str):
         return {}
     here = Path() if file is None else file.parent
     path = CONFIG_DIR / "envelope.toml" if named == "envelope" else here / named
     content = read_toml(path)
     convert(content, EnvelopeSettings, file=path)  # errors name the file in which they are
-    return {"envelope": content}
+    return {"envelope": {"enabled": True, **content}}
 
 
 def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:

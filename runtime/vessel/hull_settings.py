@@ -64,6 +64,7 @@ def hull_settings(vessel: VesselDescription) -> dict[str, Any]:
         "assurance": _assurance(vessel, reference),
         "alarms": {"own_radius_m": vessel.radius_m},
         "autopilot": {"paddles": paddles(vessel)},
+        "envelope": {"enabled": False},  # the shipped one is what the default vessel was proved for
         "estimation": {
             "sensors": {"antenna": _place(vessel.antenna_m), "imu": _place(vessel.imu_m)}
         },

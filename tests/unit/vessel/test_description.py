@@ -284,3 +284,17 @@ def test_the_water_line_carries_the_mass() -> None:
     full = 1025.0 * 2.0 * math.pi * 0.3**2
     assert estimate.immersion(full, 2.0, 0.3, 1025.0) == pytest.approx(0.3, abs=1e-6)
     assert estimate.immersion(1e-6, 2.0, 0.3, 1025.0) == pytest.approx(0.0, abs=1e-4)
+
+
+def test_the_shipped_envelope_is_the_default_vessel_s_and_a_given_one_is_meant(tmp_path) -> None:
+    (tmp_path / "harbour.toml").write_text("slow_share = 0.3\n")
+    boat = tmp_path / "boat.toml"
+    for text, enabled in (
+        ('vessel = "heron"', False),
+        ('vessel = "heron"\nenvelope = "harbour.toml"', True),
+        ('vessel = "heron"\n[envelope]\nslow_share = 0.3', True),
+        ('vessel = "heron"\n[envelope]\nenabled = false', False),
+        ('vessel = "wam_v"', True),
+    ):
+        boat.write_text(f'name = "boat"\n{text}\n')
+        assert load_config(boat).envelope.enabled is enabled
