@@ -11,6 +11,8 @@ export OPENBLAS_NUM_THREADS ?= 1
 # One process a core; a file stays with one, so that what its tests share is made once.
 JOBS ?= $(shell nproc)
 PYTEST = $(BIN)/pytest -n $(JOBS) --dist loadfile
+# What failed beside others is tried once more, alone: it may have lacked processor.
+ALONE = $(BIN)/pytest --last-failed --last-failed-no-failures none
 
 .PHONY: help setup setup-dev sitl test test-fast test-nightly check format lint types imports bench train \
         fuzz wheel docs clean native determinism accept audit faults soak
@@ -27,7 +29,7 @@ sitl: setup  ## sail 3 vessels across the paper's map, in wind and waves, in rea
 	$(BIN)/twinscrew sitl --vessels 3 $(SITL_ARGS)
 
 test: setup-dev $(VENV)/.browser  ## run the test suite; those in real time last, alone
-	$(PYTEST) -m "not realtime and not nightly"
+	$(PYTEST) -m "not realtime and not nightly" || $(ALONE) -m "not realtime and not nightly"
 	$(BIN)/pytest tests/integration -m "realtime and not nightly"
 
 test-fast: setup-dev  ## run the tests that take less than a second each
