@@ -26,7 +26,6 @@ from twinscrew.training import runs
 from twinscrew.training.agents import algorithm
 from twinscrew.training.environment import RATE_LIMIT
 from twinscrew.training.evaluate import open_policy, validate
-from twinscrew.training.perception import Layout
 from twinscrew.training.settings import TrainSettings, phase_settings
 
 
@@ -68,9 +67,9 @@ def export(
         )
     deployed = DeployedPolicy(policy, RATE_LIMIT)
     metadata = describe(settings, "/".join(run_dir.resolve().parts[-2:]), deployed.risk)
-    data = onnx_bytes(deployed, metadata, layout_shown(settings))
+    data = onnx_bytes(deployed, metadata, settings.environment.layout)
     runs.replace_file(out, lambda file: file.write(data))
-    parity = check_parity(deployed, out, layout_shown(settings))
+    parity = check_parity(deployed, out, settings.environment.layout)
     console.print(
         f"{escape(str(out))}: {parity.max_difference_n_per_s:.2g} N/s from the network over "
         f"{parity.observations} observations, {parity.decision_ms:.3f} ms a decision"
@@ -91,7 +90,7 @@ def export(
 
 def describe(settings: TrainSettings, run: str, risk: float | None = None) -> dict[str, str]:
     """Give the metadata of a policy file: strings, as ONNX wants them."""
-    environment, layout = settings.environment, layout_shown(settings)
+    environment, layout = settings.environment, settings.environment.layout
     inputs = inputs_of(layout, risk, any_hull=layout.extended)
     vessel = environment.vessel
     ranges = {"perception_range_m": str(environment.range_m)}
@@ -117,11 +116,6 @@ def describe(settings: TrainSettings, run: str, risk: float | None = None) -> di
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "torch": torch.__version__,
     }
-
-
-def layout_shown(settings: TrainSettings) -> Layout:
-    """Give what a run's policy is shown."""
-    return Layout(settings.environment.observed_objects, settings.environment.extended)
 
 
 def _commit() -> str:

@@ -48,10 +48,8 @@ class OnnxFile:
     def rates(self, observations: Observations, risk: Tensor | None = None) -> Tensor:
         """Give thrust rates, (N, 2) [N/s], at the file's own risk level or at these, (N, 1)."""
         named = observations._asdict().items()
-        feed = {name: part.numpy() for name, part in named if name in self._inputs}
-        if risk is not None:
-            feed["risk"] = risk.numpy()
-        return self.asked({name: torch.from_numpy(part) for name, part in feed.items()})
+        feed = {name: part for name, part in named if name in self._inputs}
+        return self.asked(feed if risk is None else {**feed, "risk": risk})
 
     def asked(self, feed: Mapping[str, Tensor]) -> Tensor:
         """Give thrust rates, (N, 2) [N/s], for just these inputs."""

@@ -34,7 +34,14 @@ from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings
 from twinscrew.training import scenarios
 from twinscrew.training.episodes import Episodes, Stream, slot_stream
 from twinscrew.training.imperfections import Imperfections, ImperfectionSettings
-from twinscrew.training.perception import Noise, NoiseSettings, Observations, Perception, Sight
+from twinscrew.training.perception import (
+    Layout,
+    Noise,
+    NoiseSettings,
+    Observations,
+    Perception,
+    Sight,
+)
 from twinscrew.training.physics import (
     RATE_LIMIT,
     ConditionSettings,
@@ -117,6 +124,11 @@ class EnvironmentSettings(Settings, frozen=True):
         """V, M and T: room for the vessels, buoys and strangers of the largest row."""
         rows = self.scenarios
         return tuple(max(getattr(r, n) for r in rows) for n in ("robots", "buoys", "strangers"))
+
+    @property
+    def layout(self) -> Layout:
+        """What a vessel is shown."""
+        return Layout(self.observed_objects, self.extended)
 
     def check(self, episodes: int, seeds: Sequence[int]) -> None:
         """Refuse settings that contradict each other, and a batch that cannot be.
@@ -214,13 +226,14 @@ class VectorEnv:
         numbers = range(first_slot, first_slot + episodes)
         slots = [(one, number) for one in seeds for number in numbers]
         self.episodes, self.auto_reset = len(slots), auto_reset
-        self.vessels, self.buoys, strangers = s.shape
-        shape = (self.vessels, self.buoys, strangers)
+        self.vessels, self.buoys, strangers = shape = s.shape
         others = strangers or scripted
         self.state = State(self.episodes, self.vessels, self.buoys, others, s.vessel)
         """What is on the water now."""
-        buoy_radius, physics = s.map.buoy_radius_m, (s.period_s, s.substep_s, s.map.buoy_radius_m)
-        self.physics = Physics(self.state, s.vessel, s.conditions, *physics, s.coriolis)
+        buoy_radius = s.map.buoy_radius_m
+        self.physics = Physics(
+            self.state, s.vessel, s.conditions, s.period_s, s.substep_s, buoy_radius, s.coriolis
+        )
         pairs = (self.vessels, self.vessels + self.buoys + others)
         noise = Noise(s.noise, _streams(slots, Stream.PERCEPTION), pairs)
         imperfect = None

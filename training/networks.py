@@ -132,6 +132,27 @@ def ego_features(ego: Tensor, scales: Scales) -> Tensor:
     return torch.cat([ego * factors, goal / distance, distance / scales.length_m, near], dim=1)
 
 
+class _Approach(NamedTuple):
+    """How another object comes nearer if nobody alters course or speed; all (B, K, ...)."""
+
+    direction: Tensor
+    relative: Tensor
+    """[m/s] Its velocity less the own one."""
+    closing: Tensor
+    time: Tensor
+    """[s] Of the closest approach of the centres."""
+
+
+def _approach(ego: Tensor, position: Tensor, velocity: Tensor, scales: Scales) -> _Approach:
+    relative = velocity - ego[:, None, 2:4]
+    distance = _length(position)
+    direction = position / distance
+    closing = -(direction * relative).sum(-1, keepdim=True)
+    # Straight tracks p + v t are closest at t = -(p . v) / |v|^2.
+    time = closing * distance / ((relative * relative).sum(-1, keepdim=True) + _TINY)
+    return _Approach(direction, relative, closing, time.clamp(0.0, scales.time_s))
+
+
 def object_features(ego: Tensor, objects: Tensor, scales: Scales) -> Tensor:
     """Give what matters in an encounter with each object.
 
@@ -149,15 +170,9 @@ def object_features(ego: Tensor, objects: Tensor, scales: Scales) -> Tensor:
         closeness; closing speed; time to, and gap at, the closest approach if neither turns.
     """
     position, velocity, radius = torch.split(objects, [2, 2, 1], dim=-1)
-    relative = velocity - ego[:, None, 2:4]
-    distance = _length(position)
-    direction = position / distance
+    direction, relative, closing, time = _approach(ego, position, velocity, scales)
     reach = radius + scales.ego_radius_m
-    gap = distance - reach
-    closing = -(direction * relative).sum(-1, keepdim=True)
-    # Straight tracks p + v t are closest at t = -(p . v) / |v|^2.
-    time = closing * distance / ((relative * relative).sum(-1, keepdim=True) + _TINY)
-    time = time.clamp(0.0, scales.time_s)
+    gap = _length(position) - reach
     miss = _length(position + relative * time) - reach
     factors = raw_scales(scales)[1].to(objects)
     return torch.cat(
@@ -205,13 +220,8 @@ def outlined_features(seen: Observations, scales: Scales) -> Tensor:
         away = torch.cat([along, across], dim=-1).abs() - half
         return _length(away.clamp(min=0.0)) - corner
 
-    relative = velocity - ego[:, None, 2:4]
-    distance = _length(position)
-    direction = position / distance
+    direction, relative, closing, time = _approach(ego, position, velocity, scales)
     gap = gap_at(position)
-    closing = -(direction * relative).sum(-1, keepdim=True)
-    time = closing * distance / ((relative * relative).sum(-1, keepdim=True) + _TINY)
-    time = time.clamp(0.0, scales.time_s)
     miss = gap_at(position + relative * time)
     speed = _length(velocity)
     course = velocity / (speed + 0.1)

@@ -309,10 +309,8 @@ class State:
         self.decisions[slots] = 0
         strangers = scenario.strangers
         if strangers is not None:
-            self.scripted[slots], self.scripted_velocity[slots] = (
-                strangers.place,
-                strangers.velocity,
-            )
+            self.scripted[slots] = strangers.place
+            self.scripted_velocity[slots] = strangers.velocity
             self.scripted_half[slots] = strangers.half
             self.scripted_heading[slots] = strangers.heading
             self.scripted_radius[slots] = np.hypot(strangers.half[..., 0], strangers.half[..., 1])
@@ -395,10 +393,13 @@ class Forces:
         self._varied = other is not None or settings.hulls.share > 0.0
         vessels = math.prod(shape) if self._varied else 1
         self.coefficients = Coefficients(vessel, substep_s, vessels, coriolis)
-        self._lag: Float64 | float = settings.thrust_lag_s
+        self._follow: Float64 | None = None
+        """[-] By what share thrust follows its command in a sub-step; None: at once."""
         self._gain: Float64 | None = None
         if settings.hulls.share > 0.0:
-            self._lag, self._gain = np.zeros(shape), np.ones((2, *shape))
+            self._follow, self._gain = np.ones(shape), np.ones((2, *shape))
+        elif settings.thrust_lag_s > 0.0:
+            self._follow = np.array(-math.expm1(-substep_s / settings.thrust_lag_s))
         self.wind = np.zeros(shape, complex)
         """[m/s] (E, V) Where it blows to, seen from the water."""
         self._gust_phase = np.zeros(shape)
@@ -426,8 +427,9 @@ class Forces:
             which = (slots[:, None] * self.shape[1] + np.arange(self.shape[1])).ravel()
             values, twice = hulls.physical.reshape(10, -1), hulls.twice.reshape(-1)
             self.coefficients.assign(which, values, twice)
-        if self._gain is not None and isinstance(self._lag, np.ndarray):
-            self._lag[slots], self._gain[:, slots] = hulls.lag, hulls.gain
+        if self._follow is not None and self._gain is not None:
+            self._follow[slots] = -np.expm1(-self._dt / np.maximum(hulls.lag, 1e-3))
+            self._gain[:, slots] = hulls.gain
 
     def decide(self, command: Float64, heading: Float64, active: Mask, elapsed_s: Float64) -> None:
         """Take in a decision: command (2, E, V) [N], heading and active (E, V), time (E,) [s]."""
@@ -467,14 +469,9 @@ class Forces:
 
     def _thrusters(self) -> Float64:
         """Let the thrust follow its command: first order."""
-        lag = self._lag
-        if isinstance(lag, float):
-            if lag <= 0.0:
-                return self._constant
-            follow: Float64 | float = -math.expm1(-self._dt / lag)
-        else:
-            follow = -np.expm1(-self._dt / np.maximum(lag, 1e-3))
-        self.thrust += (self._command - self.thrust) * follow
+        if self._follow is None:
+            return self._constant
+        self.thrust += (self._command - self.thrust) * self._follow
         return self._of_thrusters(self.thrust)
 
     def _of_wind(self, nu: Float64) -> Float64:
@@ -687,9 +684,13 @@ def rectangle_gap(between: NDArray[np.complexfloating], heading: Float64, half: 
     half : (..., 2) float
         [m] Half of length and beam.
     """
-    seen = between * np.exp(-1j * heading)
-    along = np.maximum(np.abs(seen.real) - half[..., 0], 0.0)
-    gap: Float64 = np.hypot(along, np.maximum(np.abs(seen.imag) - half[..., 1], 0.0))
+    return outside(between * np.exp(-1j * heading), half)
+
+
+def outside(place: NDArray[np.complexfloating], half: Float64) -> Float64:
+    """Give the distance [m] of places, x + i y, from the rectangle that lies along these axes."""
+    along = np.maximum(np.abs(place.real) - half[..., 0], 0.0)
+    gap: Float64 = np.hypot(along, np.maximum(np.abs(place.imag) - half[..., 1], 0.0))
     return gap
 
 

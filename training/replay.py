@@ -465,9 +465,7 @@ class Rollout:
 
 def make_replay(settings: TrainSettings) -> Replay:
     """Build the replay that the settings name."""
-    seen = settings.environment
-    layout = Layout(seen.observed_objects, seen.extended)
-    shape = (settings.replay, settings.n_steps, settings.discount, layout)
+    shape = (settings.replay, settings.n_steps, settings.discount, settings.environment.layout)
     if settings.priority is not None:
         return PrioritisedReplay(settings.priority, *shape)
     return Replay(*shape)

@@ -26,6 +26,7 @@ from twinscrew.runtime.settings import Positive, Settings, convert
 from twinscrew.training.environment import RATE_LIMIT, EnvironmentSettings, VectorEnv
 from twinscrew.training.evaluate import BatchPolicy, Evaluation, sail, score, shown_to
 from twinscrew.training.perception import Observations
+from twinscrew.training.physics import outside
 from twinscrew.training.scenarios import Mask, Points, ScenarioSettings
 
 FILE = "beginnings.json"
@@ -361,9 +362,7 @@ def _corners(
     signs = np.array([1 + 1j, 1 - 1j, -1 - 1j, -1 + 1j])
     corner = other[..., None, 0] * signs.real + 1j * other[..., None, 1] * signs.imag
     corners = centre[..., None] + turn[..., None] * corner
-    x = np.abs(corners.real) - half[..., None, 0]
-    y = np.abs(corners.imag) - half[..., None, 1]
-    apart = np.hypot(np.maximum(x, 0.0), np.maximum(y, 0.0)).min(axis=-1)
+    apart: Float64 = outside(corners, half[..., None, :]).min(axis=-1)
     clear = np.zeros(apart.shape, bool)
     for part, limit in ((corners.real, half[..., 0]), (corners.imag, half[..., 1])):
         clear |= (part.min(axis=-1) > limit) | (part.max(axis=-1) < -limit)

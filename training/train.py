@@ -28,7 +28,6 @@ from twinscrew.training.collect import Collector
 from twinscrew.training.evaluate import NetworkPolicy, Score
 from twinscrew.training.learner import Alone, Learner, Stack
 from twinscrew.training.logs import Logs, Progress
-from twinscrew.training.perception import Layout
 from twinscrew.training.replay import Step
 from twinscrew.training.settings import PhaseSettings, TrainSettings, phase_settings
 
@@ -105,9 +104,8 @@ class Training:
         """Evaluate, log, and write the checkpoints."""
         s = self.settings
         seen = s.environment
-        layout = Layout(seen.observed_objects, seen.extended)
         network = self.agent.deployed(s.radius_margin)
-        policy = NetworkPolicy(network, seen.period_s, layout, seen.range_m)
+        policy = NetworkPolicy(network, seen.period_s, seen.layout, seen.range_m)
         rough = phase_settings(s, s.phases[self.phase]).rough if s.rough_share > 0.0 else None
         score = evaluate.validate(policy, s.evaluation_episodes, s.validation_seed, rough)
         self.score = score.record()

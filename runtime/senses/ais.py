@@ -322,8 +322,7 @@ class Ais:
         if kind is None or report is None:
             return self._renamed(mmsi, target, stamp_ns)
         target.kind = kind
-        if target.is_stale:
-            target.is_stale = False
+        target.is_stale = False
         if kind == BASE or target.virtual:  # ashore; or there is nothing in the water
             target.faces = [Face(report.p_N, None, stamp_ns, report=report)]
             return None
