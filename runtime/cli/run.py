@@ -23,14 +23,18 @@ if TYPE_CHECKING:
     from twinscrew.runtime.vessel.vessel import Vessel
 
 
+ManifestOption = Annotated[
+    Path | None, typer.Option(help="Read only files that agree with this manifest.")
+]
+PublicKeyOption = Annotated[
+    Path | None, typer.Option(help="The minisign key that must have signed the manifest.")
+]
+
+
 def run(
     config: Annotated[Path, typer.Option(help="The vessel's TOML file; see config/runtime.toml.")],
-    manifest: Annotated[
-        Path | None, typer.Option(help="Read only files that agree with this manifest.")
-    ] = None,
-    public_key: Annotated[
-        Path | None, typer.Option(help="The minisign key that must have signed the manifest.")
-    ] = None,
+    manifest: ManifestOption = None,
+    public_key: PublicKeyOption = None,
     arm: Annotated[
         bool,
         typer.Option(

@@ -13,7 +13,7 @@ from twinscrew.runtime.vessel import one_thread  # noqa: F401  (before anything 
 # isort: split
 from msgspec.structs import replace
 
-from twinscrew.runtime.cli.run import say, serve
+from twinscrew.runtime.cli.run import ManifestOption, PublicKeyOption, say, serve
 from twinscrew.runtime.errors import ConfigError, one_of
 from twinscrew.runtime.settings import Settings, convert
 from twinscrew.runtime.vessel.approval import load_approved
@@ -46,12 +46,8 @@ def trial(
     arm: Annotated[
         bool, typer.Option("--arm", help="Consent to this trial's driving, as autopilot.arm.")
     ] = False,
-    manifest: Annotated[
-        Path | None, typer.Option(help="Read only files that agree with this manifest.")
-    ] = None,
-    public_key: Annotated[
-        Path | None, typer.Option(help="The minisign key that must have signed the manifest.")
-    ] = None,
+    manifest: ManifestOption = None,
+    public_key: PublicKeyOption = None,
 ) -> None:
     """Sail a trial: the boat drives by itself, within a box of water, and records.
 

@@ -158,6 +158,12 @@ def _rest() -> bytes:
     writer = Writer()
     writer.values("iI?", 4, 0, _LIFETIME_NS, False)
     writer.values("2I", 4, 0, 0)  # points, colors
+    _write_no_texture_nor_mesh(writer)
+    return writer.payload()[HEADER_SIZE:]
+
+
+def _write_no_texture_nor_mesh(writer: Writer) -> None:
+    """Write the fields that end a Marker: it has neither texture, nor text, nor mesh."""
     writer.string("")  # texture_resource
     write_header(writer, 0, "")  # texture, a CompressedImage
     writer.string("")
@@ -165,7 +171,6 @@ def _rest() -> bytes:
     for _ in ("text", "mesh_resource", "mesh_file.filename"):
         writer.string("")
     writer.values("I?", 4, 0, False)  # mesh_file.data, mesh_use_embedded_materials
-    return writer.payload()[HEADER_SIZE:]
 
 
 class Shape(NamedTuple):
@@ -233,13 +238,7 @@ def _write_marker(
     for x, y in points:
         writer.values("3d", 8, x, y, 0.0)
     writer.values("I", 4, 0)  # colors
-    writer.string("")  # texture_resource
-    write_header(writer, 0, "")  # texture, a CompressedImage
-    writer.string("")
-    writer.values("2I", 4, 0, 0)  # its data; uv_coordinates
-    for _ in ("text", "mesh_resource", "mesh_file.filename"):
-        writer.string("")
-    writer.values("I?", 4, 0, False)  # mesh_file.data, mesh_use_embedded_materials
+    _write_no_texture_nor_mesh(writer)
 
 
 # -- `tf2_msgs/TFMessage`: where the frames are, so that a viewer can draw all in one picture.

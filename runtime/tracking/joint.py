@@ -82,7 +82,7 @@ def take_look(
         new = free * existence.birth / (existence.birth + density)
         for m in np.flatnonzero(new > existence.drop_tentative).tolist():
             key = (number, m)
-            tracks.append(_started(look, m, source, key, float(new[m]), stamp_ns, first_speed_mps))
+            tracks.append(started(look, m, source, key, float(new[m]), stamp_ns, first_speed_mps))
 
 
 def chances(
@@ -207,20 +207,25 @@ def _mixed(
     return mean, spread
 
 
-def _started(
+def started(
     look: Look,
     m: int,
     source: SourceSettings,
     key: tuple[int, int],
     existence: float,
     stamp_ns: int,
-    first_speed_mps: float,
+    speed_sigma_mps: float,
+    v_N: Float64 | None = None,
 ) -> Track:
+    """Begin a track at a measurement, with a velocity [m/s] if one is told; else at rest.
+
+    `speed_sigma_mps` is the standard deviation of each component of the velocity.
+    """
     z, R, shape = look.z[m], look.R[m], np.square(source.shape_m)
-    speed = first_speed_mps**2
+    velocity, variance = np.zeros(2) if v_N is None else v_N, speed_sigma_mps**2
     return Track(
-        np.concatenate([z, np.zeros(STATES - 2)]),
-        first_covariance(look.H[m], R, np.array([0.0, 0.0, speed, speed, *shape])),
+        np.concatenate([z, velocity, np.zeros(STATES - 4)]),
+        first_covariance(look.H[m], R, np.array([0.0, 0.0, variance, variance, *shape])),
         key=key,
         source=look.source,
         stamp_ns=stamp_ns,

@@ -21,7 +21,8 @@ import numpy as np
 
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.tracking.detections import Look, SourceSettings
-from twinscrew.runtime.tracking.kalman import STATES, FilterBank, first_covariance
+from twinscrew.runtime.tracking.joint import started
+from twinscrew.runtime.tracking.kalman import STATES, FilterBank
 from twinscrew.runtime.tracking.track import Named, Track, sigma_m
 
 POSITION_ONLY = np.eye(2, STATES)
@@ -97,7 +98,9 @@ def take_named(
         if track is None:
             track = _unnamed(tracks, report, z, R)
         if track is None:
-            track = _started(look, m, source, (number, m), report, stamp_ns, first_speed_mps)
+            sigma_mps = first_speed_mps if report.v_N is None else report.v_sigma_mps
+            begun = (FIRST_EXISTENCE, stamp_ns, sigma_mps, report.v_N)
+            track = started(look, m, source, (number, m), *begun)
             tracks.append(track)
         else:
             _correct(track, report, z, look.H[m], R, bank, first_speed_mps)
@@ -298,29 +301,3 @@ def _learn_velocity(track: Track, report: Report, bank: FilterBank) -> None:
         track.x[None], track.P[None], report.v_N[None], VELOCITY_ONLY[None], noise[None]
     )
     track.x, track.P = x[0], P[0]
-
-
-def _started(
-    look: Look,
-    m: int,
-    source: SourceSettings,
-    key: tuple[int, int],
-    report: Report,
-    stamp_ns: int,
-    first_speed_mps: float,
-) -> Track:
-    z, R, shape = look.z[m], look.R[m], np.square(source.shape_m)
-    known = report.v_N is not None
-    variance = (report.v_sigma_mps if known else first_speed_mps) ** 2
-    velocity = report.v_N if report.v_N is not None else np.zeros(2)
-    return Track(
-        np.concatenate([z, velocity, np.zeros(2)]),
-        first_covariance(look.H[m], R, np.array([0.0, 0.0, variance, variance, *shape])),
-        key=key,
-        source=look.source,
-        stamp_ns=stamp_ns,
-        first_R=R,
-        radius=source.radius_m,
-        existence=FIRST_EXISTENCE,
-        shape_m2=shape,
-    )
