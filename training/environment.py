@@ -228,7 +228,9 @@ class VectorEnv:
         self.episodes, self.auto_reset = len(slots), auto_reset
         self.vessels, self.buoys, strangers = shape = s.shape
         others = strangers or scripted
-        self.state = State(self.episodes, self.vessels, self.buoys, others, s.vessel)
+        self.state = State(
+            self.episodes, self.vessels, self.buoys, others, s.vessel, s.conditions.thrust_lag_s
+        )
         """What is on the water now."""
         buoy_radius = s.map.buoy_radius_m
         self.physics = Physics(
@@ -267,9 +269,11 @@ class VectorEnv:
     def restart(self, slots: Index, observation: Observations) -> None:
         """Begin the next episode of some slots and write what its vessels see."""
         beginning = self._upcoming.take(slots)
-        hulls = draw_hulls(self.settings.conditions, self.settings.vessel, beginning.chance)
+        conditions, hulls = self.settings.conditions, None
         self.state.begin(slots, beginning.scenario)
-        self.state.take_hulls(slots, hulls)
+        if conditions.varied:
+            hulls = draw_hulls(conditions, self.settings.vessel, beginning.chance)
+            self.state.take_hulls(slots, hulls)
         self.physics.forces.begin(slots, beginning.chance, hulls)
         self.perception.forget(slots)
         observation.rows[slots] = beginning.rows

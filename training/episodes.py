@@ -143,9 +143,11 @@ class Episodes:
             further = np.stack([g.random((vessels + 1, more)) for g in generators])
             chance = np.concatenate([chance, further], axis=-1)
         every = np.arange(len(generators))
-        state = State(len(generators), vessels, buoys, room, self._vessel)
+        lag_s = self._conditions.thrust_lag_s
+        state = State(len(generators), vessels, buoys, room, self._vessel, lag_s)
         state.begin(every, scenario)
-        state.take_hulls(every, draw_hulls(self._conditions, self._vessel, chance))
+        if self._conditions.varied:
+            state.take_hulls(every, draw_hulls(self._conditions, self._vessel, chance))
         seen = Perception(noise, self._sight).observe(state, scenario.vessel, drawn).rows
         rows = seen * scenario.vessel[..., None]
         placed: tuple[Any, ...] = scenario[:SCENARIO_PARTS]

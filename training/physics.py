@@ -120,6 +120,11 @@ class ConditionSettings(Settings, frozen=True):
         """[-] Uniform numbers that an episode, and each of its vessels, needs."""
         return CHANCES + HULL_CHANCES * (self.hulls.share > 0.0 or self.current_mps[1] > 0.0)
 
+    @property
+    def varied(self) -> bool:
+        """Whether hulls or the water differ from episode to episode (`draw_hulls`)."""
+        return self.other_vessel is not None or self.chances > CHANCES
+
 
 class Hulls(NamedTuple):
     """What N episodes' V vessels are like, and the water that carries them."""
@@ -220,6 +225,7 @@ class State:
         buoys: int,
         scripted: int = 0,
         vessel: VesselParameters | None = None,
+        lag_s: float = 0.0,
     ) -> None:
         self.shape = shape = (episodes, vessels)
         self.north_east = np.zeros((2, *shape))
@@ -263,7 +269,7 @@ class State:
         """[N] (E, V) Of each propeller."""
         self.told = np.empty((*shape, len(HULL_COLUMNS)), np.float32)
         """(E, V, 10) What the policies are told of their hulls (`HULL_COLUMNS`)."""
-        self.told[:] = describe_hull(like)
+        self.told[:] = describe_hull(like, lag_s)
         self.current = np.zeros(episodes, complex)
         """[m/s] (E,) Velocity of the water."""
         self.range = np.full(episodes, np.nan)
@@ -412,22 +418,23 @@ class Forces:
         """Draw the conditions of new episodes from uniform numbers, (n, V + 1, chances)."""
         if not (self._varied or self._acting):
             return
-        hulls = hulls or draw_hulls(self.settings, self._vessel, chance)
+        if hulls is None and self.settings.varied:
+            hulls = draw_hulls(self.settings, self._vessel, chance)
         s, all_, each = self.settings, chance[:, -1], chance[:, :-1]
         speed = _between(s.wind_mps, all_[:, 0])
         self.wind[slots] = (speed * np.exp(2j * np.pi * all_[:, 1]))[:, None]
-        if hulls.current.any():  # over the water, which carries the vessels
+        if hulls is not None and hulls.current.any():  # over the water, which carries the vessels
             self.wind[slots] -= (hulls.current * (speed > 0.0))[:, None]
         self._gust_phase[slots] = 2 * np.pi * all_[:, 2, None]
         force, moment = _between(s.wave_force_n, all_[:, 3]), _between(s.wave_moment_nm, all_[:, 4])
         self._wave[:, slots] = np.stack([force, force, moment])[..., None]
         self._wave_phase[:, slots] = 2 * np.pi * np.moveaxis(each[..., :3], -1, 0)
         self.thrust[:, slots] = 0.0
-        if self._varied:
+        if self._varied and hulls is not None:
             which = (slots[:, None] * self.shape[1] + np.arange(self.shape[1])).ravel()
             values, twice = hulls.physical.reshape(10, -1), hulls.twice.reshape(-1)
             self.coefficients.assign(which, values, twice)
-        if self._follow is not None and self._gain is not None:
+        if self._follow is not None and self._gain is not None and hulls is not None:
             self._follow[slots] = -np.expm1(-self._dt / np.maximum(hulls.lag, 1e-3))
             self._gain[:, slots] = hulls.gain
 
