@@ -47,6 +47,14 @@ def train(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="As agent.risk=0.5; may be repeated."),
     ] = None,
+    start: Annotated[
+        Path | None,
+        typer.Option(
+            "--from",
+            metavar="CHECKPOINT",
+            help="Begin with the networks of this run's file, which may know fewer inputs.",
+        ),
+    ] = None,
     wandb: Annotated[
         str | None, typer.Option(metavar="PROJECT", help="Report to Weights & Biases, too.")
     ] = None,
@@ -82,7 +90,9 @@ def train(
                     held.enter_context(runs.locked(places[seed]))
                 progress = held.enter_context(Progress(file.stem, steps or settings.steps))
                 decided = _with_precision(settings, places[group[0]], progress.say)
-                told = [Training(decided, seed, places[seed], device, wandb) for seed in group]
+                told = [
+                    Training(decided, seed, places[seed], device, wandb, start) for seed in group
+                ]
                 run(told, progress, steps=steps, stopped=lambda: bool(signals))
             if signals:
                 sys.exit(128 + signals[0])

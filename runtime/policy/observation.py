@@ -49,6 +49,8 @@ class Shown(NamedTuple):
     """Whether it is shown their outlines."""
     range_m: float = math.inf
     """[m] Farther than this it is shown none, however far the vessel sees."""
+    contour_m: float | None = None
+    """[m] How far it is shown the edges of what is fixed; None: it is shown none."""
 
 
 PAPER = Shown()

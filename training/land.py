@@ -1,0 +1,373 @@
+"""Harbours for E episodes at once: contours, contacts with edges, and the goal along each way.
+
+Harbours are drawn once (`harbours.draw_harbour`) and packed: edges as pairs of complex numbers,
+north + i east [m], each vessel's way as points at equal distances, and for each of these the
+farthest point of the way that can be reached from there in a straight line. So at every decision
+the goal that is shown is looked up, and only what is near a vessel is computed at all.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twinscrew.runtime.charts.contour import (
+    CONTOUR_RANGE_M,
+    SECTORS,
+    nearest_point,
+    sector_distances,
+)
+from twinscrew.runtime.messages.types import Float32, Float64
+from twinscrew.runtime.settings import Count, Fraction, NonNegative, Positive, Settings
+from twinscrew.training.harbours import Harbour, HarbourSettings, Kind, draw_harbour
+
+Mask = NDArray[np.bool_]
+Index = NDArray[np.intp]
+Complex64 = NDArray[np.complex64]
+Points = NDArray[np.complex128]
+
+WAY_POINTS = 96
+"""[-] Points along a way."""
+TARGETS = 32
+"""[-] Every third of them may be the goal that is shown."""
+BACK, AHEAD = 4, 12
+"""[-] Along its way a vessel is looked for so many points behind, and ahead of, the last place."""
+NOWHERE = 1e6
+"""[m] Where edges lie that are not there."""
+
+
+class LandSettings(Settings, frozen=True):
+    """How harbours are drawn, and how their edges are seen; where a scenario asks for harbours."""
+
+    harbours: Count = 4096
+    """[-] How many different ones there are of each row; drawn when first needed."""
+    seed: int = 0
+    """[-] Of these harbours."""
+    gap_beams: tuple[Positive, Positive] = (1.6, 4.0)
+    """[-] Width of the gap of kind "gap", in beams."""
+    look_ahead_m: tuple[Positive, Positive] = (12.0, 50.0)
+    """[m] The goal is shown at most so far ahead along the way; drawn for every episode."""
+    partly_known: Fraction = 0.0
+    """[-] Share of the episodes in which edges are known only as far as they are seen,"""
+    least_range_m: Positive = 10.0
+    """[m] which is anywhere between this and the contour's range."""
+    noise_m: NonNegative = 0.0
+    """[m] Standard deviation of a contour's distances,"""
+    noise_share: NonNegative = 0.0
+    """[-] and the same as a share of the distance."""
+    lost: Fraction = 0.0
+    """[-] Chance that a sector shows nothing, at any decision."""
+    offset_m: NonNegative = 0.0
+    """[m] Standard deviation of a lasting error, north and east, of the place on the chart."""
+
+
+class Packed(NamedTuple):
+    """One harbour, as the environment needs it."""
+
+    start: Complex64
+    """(S,) [m] Where each edge begins,"""
+    end: Complex64
+    """(S,) [m] and ends."""
+    fence: Mask
+    """(S,) Whether it is a fence or a keep-out area's: no sensor sees it."""
+    harbour: Harbour
+    way: Complex64
+    """(V, WAY_POINTS) [m] Along each vessel's way, from its start to its goal."""
+    farthest: NDArray[np.int16]
+    """(V, WAY_POINTS) The farthest point that is clear in a straight line from each of them."""
+    rest: Float32
+    """(V, WAY_POINTS) [m] From each of them on to the goal."""
+
+
+@lru_cache(maxsize=16384)
+def harbour_of(settings: HarbourSettings, seed: int, number: int) -> Packed:
+    """Draw harbour `number` of a seed, the same at every call."""
+    harbour = draw_harbour(np.random.default_rng([seed, number]), settings)
+    edges = harbour.edges
+    corners = (edges[..., 0] + 1j * edges[..., 1]).reshape(-1, 2)
+    land = sum(len(ring) for ring in harbour.land)
+    clear = 0.9 * settings.clearance_beams * settings.beam_m
+    ways = [_along(way, corners, harbour.piles, clear) for way in harbour.ways]
+    return Packed(
+        corners[:, 0].astype(np.complex64),
+        corners[:, 1].astype(np.complex64),
+        np.arange(len(corners)) >= land,
+        harbour,
+        *(np.stack(parts) for parts in zip(*ways, strict=True)),
+    )
+
+
+def harbour_settings(
+    kinds: tuple[Kind, ...], vessels: int, hull: tuple[float, float], land: LandSettings
+) -> HarbourSettings:
+    """Give how the harbours of a row are drawn, for hulls of a length and a beam [m]."""
+    return HarbourSettings(
+        kinds=kinds,
+        vessels=vessels,
+        length_m=hull[0],
+        beam_m=hull[1],
+        gap_beams=land.gap_beams,
+    )
+
+
+def _along(
+    way: Float64, corners: Points, piles: Float64, clear: float
+) -> tuple[Complex64, NDArray[np.int16], Float32]:
+    """Give a way's points, the farthest that is clear from each, and what is left from each [m]."""
+    legs = way[:, 0] + 1j * way[:, 1]
+    passed = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(legs)))])
+    at = np.linspace(0.0, passed[-1], WAY_POINTS)
+    point = np.interp(at, passed, legs.real) + 1j * np.interp(at, passed, legs.imag)
+    targets = np.linspace(0, WAY_POINTS - 1, TARGETS).astype(np.intp)
+    i, j = np.nonzero(np.arange(WAY_POINTS)[:, None] < targets)
+    free = np.zeros((WAY_POINTS, TARGETS), bool)
+    free[i, j] = legs_clearance(point[i], point[targets[j]], corners, piles) >= clear
+    # Only an unbroken row of clear targets counts: what lies behind a gap of them is another arm.
+    ahead = np.arange(WAY_POINTS)[:, None] < targets
+    unbroken = np.logical_and.accumulate(free | ~ahead, axis=1) & ahead
+    farthest = np.where(unbroken, targets, 0).max(axis=1)
+    following = targets[
+        np.minimum(np.searchsorted(targets, np.arange(WAY_POINTS) + 1), TARGETS - 1)
+    ]
+    farthest = np.maximum(farthest, following)
+    rest = (passed[-1] - at).astype(np.float32)
+    return point.astype(np.complex64), farthest.astype(np.int16), rest
+
+
+def legs_clearance(start: Points, end: Points, corners: Points, piles: Float64) -> Float64:
+    """Give how near straight legs (L,) come to edges (S, 2) and piles (P, 3) [m]; 0 if crossed."""
+    leg = end - start
+    far = np.maximum(np.abs(leg), 1e-9)
+    turn = (leg / far).conj()[:, None]
+    radius = piles[:, 2]
+    posts = (piles[:, 0] + 1j * piles[:, 1])[None, :]
+
+    def from_leg(points: Points) -> Float64:
+        seen = (points - start[:, None]) * turn
+        past = seen.real - np.clip(seen.real, 0.0, far[:, None])
+        distance: Float64 = np.hypot(past, seen.imag)
+        return distance
+
+    nearest = np.full(len(start), np.inf)
+    if posts.size:
+        nearest = np.minimum(nearest, (from_leg(posts) - radius).min(axis=1))
+    if len(corners):
+        first, last = corners[None, :, 0], corners[None, :, 1]
+        nearest = np.minimum(nearest, from_leg(first).min(axis=1))
+        for place in (start, end):
+            gap = np.abs(nearest_point(first - place[:, None], last - place[:, None]))
+            nearest = np.minimum(nearest, gap.min(axis=1))
+        a, b = (first - start[:, None]) * turn, (last - start[:, None]) * turn
+        sides = (a.imag > 0.0) != (b.imag > 0.0)
+        rise = np.where(sides, b.imag - a.imag, 1.0)
+        along = a.real - a.imag * (b.real - a.real) / rise
+        crossed = (sides & (along >= 0.0) & (along <= far[:, None])).any(axis=1)
+        nearest[crossed] = 0.0
+    return np.maximum(nearest, 0.0)
+
+
+class Land:
+    """What is fixed in E episodes, and V vessels' ways through it; arrays change in place."""
+
+    def __init__(self, shape: tuple[int, int], settings: LandSettings) -> None:
+        self.settings, self.shape = settings, shape
+        episodes = shape[0]
+        self.there = np.zeros(episodes, bool)
+        """(E,) Whether anything is fixed."""
+        self.start = np.full((episodes, 0), NOWHERE, np.complex64)
+        """(E, S) [m]"""
+        self.end = self.start.copy()
+        """(E, S) [m]"""
+        self.fence = np.zeros((episodes, 0), bool)
+        """(E, S)"""
+        self.way = np.zeros((*shape, WAY_POINTS), np.complex64)
+        self.farthest = np.zeros((*shape, WAY_POINTS), np.int16)
+        self.rest = np.zeros((*shape, WAY_POINTS), np.float32)
+        self.at = np.zeros(shape, np.intp)
+        """(E, V) The point of its way that each vessel is at."""
+        self.most = np.zeros(shape, np.intp)
+        """(E, V) The goal is shown at most so many points ahead."""
+        self.reach = np.full(episodes, CONTOUR_RANGE_M, np.float32)
+        """(E,) [m] Edges are known so far."""
+        self.offset = np.zeros(shape, np.complex64)
+        """(E, V) [m] Lasting error of each vessel's place on the chart."""
+
+    def begin(self, slots: Index, harbours: list[Packed | None], chance: Float64) -> None:
+        """Put harbours, or open water, in some slots; `chance` is (n, V + 1, chances)."""
+        s = self.settings
+        room = max((len(one.start) for one in harbours if one is not None), default=0)
+        self._widen(room)
+        self.there[slots] = False
+        self.start[slots] = self.end[slots] = NOWHERE
+        self.at[slots] = 0
+        for k, (slot, one) in enumerate(zip(slots.tolist(), harbours, strict=True)):
+            if one is None:
+                continue
+            self.there[slot] = True
+            count, vessels = len(one.start), len(one.way)
+            self.start[slot, :count], self.end[slot, :count] = one.start, one.end
+            self.fence[slot, :count] = one.fence
+            self.way[slot, :vessels], self.farthest[slot, :vessels] = one.way, one.farthest
+            self.rest[slot, :vessels] = one.rest
+            low, high = s.look_ahead_m
+            dice = chance[k, -1, 5:8]
+            far = low + (high - low) * dice[0]
+            spacing = np.maximum(one.rest[:, 0], 1.0) / (WAY_POINTS - 1)
+            self.most[slot, :vessels] = np.maximum(far / spacing, 2.0)
+            known = CONTOUR_RANGE_M
+            if dice[1] < s.partly_known:
+                known = s.least_range_m + (known - s.least_range_m) * float(dice[2])
+            self.reach[slot] = known
+            size = np.sqrt(-2.0 * np.log1p(-chance[k, :-1, 13]))
+            self.offset[slot] = s.offset_m * size * np.exp(2j * np.pi * chance[k, :-1, 14])
+
+    def _widen(self, room: int) -> None:
+        more = room - self.start.shape[1]
+        if more > 0:
+            pad = ((0, 0), (0, more))
+            self.start = np.pad(self.start, pad, constant_values=NOWHERE)
+            self.end = np.pad(self.end, pad, constant_values=NOWHERE)
+            self.fence = np.pad(self.fence, pad)
+
+    def follow(self, position: Points, goal: Points) -> tuple[Points, Float64]:
+        """Give the goals that are shown, and what is left of the way from there, both (E, V).
+
+        Each vessel is looked for along its way near where it was; the goal that is shown is the
+        farthest point in a straight line from there, at most `look_ahead_m` ahead.
+        """
+        shown, beyond = goal.copy(), np.zeros(self.shape)
+        e = np.flatnonzero(self.there)
+        if not e.size:
+            return shown, beyond
+        near = self.at[e][..., None] + np.arange(-BACK, AHEAD + 1)
+        np.clip(near, 0, WAY_POINTS - 1, out=near)
+        way = self.way[e]
+        off = np.abs(np.take_along_axis(way, near, axis=-1) - position[e][..., None])
+        at = np.take_along_axis(near, off.argmin(axis=-1)[..., None], axis=-1)
+        self.at[e] = at[..., 0]
+        target = np.take_along_axis(self.farthest[e], at, axis=-1).astype(np.intp)
+        target = np.minimum(target, np.minimum(at + self.most[e][..., None], WAY_POINTS - 1))
+        last = target == WAY_POINTS - 1
+        there = np.take_along_axis(way, target, axis=-1)
+        shown[e] = np.where(last, goal[e][..., None], there)[..., 0]
+        beyond[e] = np.take_along_axis(self.rest[e], target, axis=-1)[..., 0]
+        return shown, beyond
+
+    def contours(self, position: Points, heading: Float64, observers: Mask) -> Float32:
+        """Give what each observer, (E, V), is shown of the edges, (E, V, SECTORS) [m]."""
+        contour = np.full((*self.shape, SECTORS), CONTOUR_RANGE_M, np.float32)
+        e = np.flatnonzero(self.there)
+        if not e.size or not self.start.shape[1]:
+            return contour
+        place = (position[e] + self.offset[e]).astype(np.complex64)[..., None]
+        start, end = self.start[e][:, None] - place, self.end[e][:, None] - place
+        near = np.abs(nearest_point(start, end)) < self.reach[e][:, None, None]
+        near &= observers[e][..., None]
+        n, o, k = np.nonzero(near)
+        if not n.size:
+            return contour
+        turn = np.exp(-1j * heading[e]).astype(np.complex64)[n, o]
+        found = sector_distances(
+            start[n, o, k] * turn, end[n, o, k] * turn, CONTOUR_RANGE_M, SECTORS
+        )
+        observer = n * self.shape[1] + o
+        first = np.flatnonzero(np.diff(observer, prepend=-1))
+        least = np.minimum.reduceat(found, first, axis=0)
+        least[least >= self.reach[e[n[first]]][:, None]] = CONTOUR_RANGE_M
+        contour[e[n[first]], o[first]] = least
+        return contour
+
+    def touched(
+        self, trajectory: Float64, headings: Float64, strayed: Float64, active: Mask, half: Float64
+    ) -> tuple[Mask, Mask]:
+        """Tell whose rectangle touched an edge of land, and one of a fence, both (E, V).
+
+        Parameters
+        ----------
+        trajectory : (S + 1, 2, E, V) float64
+            North, east [m] before and after each sub-step.
+        headings : (S + 1, E, V) float64
+            [rad]
+        strayed : (E, V) float64
+            [m] Farthest from the first place.
+        active : (E, V) bool
+            Who is on the water.
+        half : (E, V, 2) float64
+            [m] Half of length and beam.
+        """
+        quay, fence = np.zeros((2, *self.shape), bool)
+        e = np.flatnonzero(self.there)
+        if not e.size or not self.start.shape[1]:
+            return quay, fence
+        place = trajectory[0, 0, e] + 1j * trajectory[0, 1, e]
+        start, end = (
+            self.start[e][:, None] - place[..., None],
+            self.end[e][:, None] - place[..., None],
+        )
+        reach = np.hypot(half[e, :, 0], half[e, :, 1]) + strayed[e]
+        near = np.abs(nearest_point(start, end)) < reach[..., None]
+        near &= active[e][..., None]
+        n, o, k = np.nonzero(near)
+        if not n.size:
+            return quay, fence
+        slot = e[n]
+        own = trajectory[1:, 0, slot, o] + 1j * trajectory[1:, 1, slot, o]
+        turn = np.exp(-1j * headings[1:, slot, o])
+        a, b = (self.start[slot, k] - own) * turn, (self.end[slot, k] - own) * turn
+        hit = crosses_box(a, b, half[slot, o]).any(axis=0)
+        of_fence = self.fence[slot, k]
+        quay[slot[hit & ~of_fence], o[hit & ~of_fence]] = True
+        fence[slot[hit & of_fence], o[hit & of_fence]] = True
+        return quay, fence
+
+
+def crosses_box(start: Points, end: Points, half: Float64) -> Mask:
+    """Tell which segments, (...), touch the box of half sizes (..., 2) around the origin [m]."""
+    low, high = np.zeros(start.shape), np.ones(start.shape)
+    for a, b, limit in (
+        (start.real, end.real, half[..., 0]),
+        (start.imag, end.imag, half[..., 1]),
+    ):
+        way = b - a
+        way = np.where(np.abs(way) < 1e-12, 1e-12, way)
+        one, other = (-limit - a) / way, (limit - a) / way
+        low = np.maximum(low, np.minimum(one, other))
+        high = np.minimum(high, np.maximum(one, other))
+    return np.asarray(low <= high)
+
+
+class ContourNoise:
+    """Errors of contours, each slot's from its own stream, drawn `block` decisions ahead."""
+
+    def __init__(
+        self,
+        settings: LandSettings,
+        generators: list[np.random.Generator],
+        vessels: int,
+        block: int = 16,
+    ) -> None:
+        self._settings, self._generators = settings, generators
+        self._shape, self._left = (block, vessels, SECTORS), 0
+
+    def spoil(self, contour: Float32, reach: Float32) -> None:
+        """Spoil contours (E, V, SECTORS) [m] in place; `reach` (E,) [m] is how far is known."""
+        s = self._settings
+        if s.noise_m + s.noise_share + s.lost <= 0.0:
+            return
+        if not self._left:
+            drawn = [
+                (g.standard_normal(self._shape, np.float32), g.random(self._shape, np.float32))
+                for g in self._generators
+            ]
+            self._error = np.stack([one for one, _ in drawn], axis=1)
+            self._dice = np.stack([one for _, one in drawn], axis=1)
+            self._left = self._shape[0]
+        self._left -= 1
+        error, dice = self._error[self._left], self._dice[self._left]
+        shown = contour < CONTOUR_RANGE_M
+        wrong = contour + error * (s.noise_m + s.noise_share * contour)
+        wrong = np.clip(wrong, 0.0, reach[:, None, None])
+        contour[:] = np.where(shown & (dice >= s.lost), wrong, np.float32(CONTOUR_RANGE_M))
