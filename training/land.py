@@ -141,7 +141,7 @@ def legs_clearance(start: Points, end: Points, corners: Points, piles: Float64) 
     """Give how near straight legs (L,) come to edges (S, 2) and piles (P, 3) [m]; 0 if crossed."""
     leg = end - start
     far = np.maximum(np.abs(leg), 1e-9)
-    turn = (leg / far).conj()[:, None]
+    turn = np.where(leg == 0.0, 1.0, leg / far).conj()[:, None]
     radius = piles[:, 2]
     posts = (piles[:, 0] + 1j * piles[:, 1])[None, :]
 

@@ -493,6 +493,22 @@ class Actor(nn.Module):
         return squash(self.output(hidden))
 
 
+class Beside(nn.Module):
+    """Two actors: one acts where no edge is near, the other beside edges; between, a mixture.
+
+    So what the first can do in open water stays, bit by bit, whatever the second has learnt.
+    """
+
+    def __init__(self, open_water: nn.Module, edges: nn.Module) -> None:
+        super().__init__()
+        self.open_water, self.edges = open_water, edges
+
+    def forward(self, seen: Seen) -> Tensor:
+        """Give actions (B, 2)."""
+        action: Tensor = (1.0 - seen.near) * self.open_water(seen) + seen.near * self.edges(seen)
+        return action
+
+
 class Pilot(nn.Module):
     """A deterministic policy from raw observations: what is evaluated, deployed and exported."""
 
