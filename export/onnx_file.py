@@ -129,6 +129,7 @@ class DeployedPolicy(nn.Module):
         outlines: Tensor | None = None,
         hull: Tensor | None = None,
         contour: Tensor | None = None,
+        beyond: Tensor | None = None,  # noqa: ARG002 - an observation's last part, for critics
         risk: Tensor | None = None,
     ) -> Tensor:
         """Give thrust rates (N, 2) [N/s], left and right, at risk levels (N, 1), if any."""

@@ -74,14 +74,14 @@ def check_parity(policy: DeployedPolicy, file: Path, layout: Layout = PAPER) -> 
     single = [Observations(*(part[k : k + 1] for part in batches[1])) for k in range(100)]
     with torch.no_grad():
         worst = max(
-            float((session.rates(batch, risk) - policy(*batch[:6], risk=risk)).abs().max())
+            float((session.rates(batch, risk) - policy(*batch, risk=risk)).abs().max())
             for batch in [*batches, *single]
             for risk in _levels(policy, len(batch.ego))
         )
         if layout.extended:
             plain = circles(*batches[0][:3])
             fed = {"ego": plain.ego, "objects": plain.objects, "mask": plain.mask}
-            worst = max(worst, float((session.asked(fed) - policy(*plain[:6])).abs().max()))
+            worst = max(worst, float((session.asked(fed) - policy(*plain)).abs().max()))
     if not worst <= TOLERANCE_N_PER_S:
         raise PolicyError(
             f"{file}: differs from the network by {worst:.3g} N/s; "

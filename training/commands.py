@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import typer
 
@@ -197,21 +197,39 @@ def evaluate(
             show_default="nothing",
         ),
     ] = None,
+    harbours: Annotated[
+        str | None,
+        typer.Option(
+            help="Among edges instead: harbours of these kinds, as gap,channel, or all.",
+            metavar="KINDS",
+        ),
+    ] = None,
+    current: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="Greatest speed [m/s] of a current that is steady, sheared, a vortex or a tide.",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Score a policy in the training environment."""
-    from twinscrew.runtime.errors import ConfigError
+    from twinscrew.runtime.errors import ConfigError, one_of
     from twinscrew.runtime.policy.hull_units import units_of
     from twinscrew.runtime.policy.risk import parse_risk
     from twinscrew.runtime.settings import convert
     from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
     from twinscrew.training.environment import EnvironmentSettings
     from twinscrew.training.evaluate import (
+        harbour_rows,
+        in_current,
+        in_fresh_harbours,
         open_policy,
         sailed_by,
         sailed_by_any,
         unknown_to_policy,
     )
+    from twinscrew.training.harbours import Kind
     from twinscrew.training.scenarios import ScenarioSettings, published_distance_m, six_settings
     from twinscrew.training.traffic import draw_traffic, read_traffic
 
@@ -222,6 +240,16 @@ def evaluate(
     if unknown is not None:
         environment = unknown_to_policy(environment, unknown.split(","))
     units = units_of(hull, load_vessel())
+    if current is not None:
+        environment = in_current(environment, current / units.speed)
+    if harbours is not None:
+        kinds = get_args(Kind) if harbours == "all" else tuple(harbours.split(","))
+        for kind in kinds:
+            if kind not in get_args(Kind):
+                raise ConfigError(one_of(kind, (*get_args(Kind), "all")), key="--harbours")
+        if every or on is not None or traffic is not None:
+            raise ConfigError("harbours are scored alone", key="--harbours")
+        environment = in_fresh_harbours(environment, seed)
     if on is not None or traffic is not None:
         if risks is not None or every or (on is not None and traffic is not None):
             key = "--on" if on is not None else "--traffic"
@@ -240,6 +268,8 @@ def evaluate(
     distance = published_distance_m(robots) if min_distance is None else min_distance
     one = {"robots": robots, "buoys": buoys, "min_distance_m": distance}
     rows = six_settings() if every else (convert(one, ScenarioSettings),)
+    if harbours is not None:
+        rows = harbour_rows(kinds, robots)
     if risk is not None and risks is not None:
         raise ConfigError("give either one level or several", key="--risk, --risks")
     curve = {}
@@ -250,7 +280,10 @@ def evaluate(
         if not as_json:
             _print_table(rows, results, "" if level is None else f"risk {level}")
         records = [result.record() for result in results]
-        curve[level] = {"settings": records} if every else records[0]
+        if harbours is not None:
+            named = zip(kinds, results, strict=True)
+            records = [{"harbour": kind} | one.record(land=True) for kind, one in named]
+        curve[level] = {"settings": records} if every or harbours is not None else records[0]
     if as_json:
         print(json.dumps(curve[risk] if risks is None else {"risks": curve}))
 
@@ -355,8 +388,8 @@ def _print_table(
         time = result.travel_time_s
         table.add_row(
             str(row.robots),
-            str(row.buoys),
-            f"{row.min_distance_m:g} m",
+            "piles" if row.harbour else str(row.buoys),
+            ", ".join(row.harbour) or f"{row.min_distance_m:g} m",
             f"{result.success_rate:.1%}",
             f"{low:.1%} .. {high:.1%}",
             "-" if time is None else f"{time:.2f} s",

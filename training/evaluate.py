@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, get_args
 
 import msgspec
 import numpy as np
@@ -33,8 +33,7 @@ from twinscrew.runtime.policy.risk import RiskSettings, adaptive_level
 from twinscrew.runtime.settings import shipped
 from twinscrew.runtime.vessel_description import DEFAULT, VesselDescription, load_vessel
 from twinscrew.training.environment import RATE_LIMIT, EnvironmentSettings, VectorEnv
-from twinscrew.training.harbours import Kind
-from twinscrew.training.land import LandSettings
+from twinscrew.training.harbours import CurrentKind, Kind
 from twinscrew.training.perception import PAPER, Layout, Observations
 from twinscrew.training.physics import HullSettings, UnknownSettings
 from twinscrew.training.scenarios import Mask, ScenarioSettings, six_settings
@@ -288,9 +287,13 @@ class Evaluation:
     fences: int = 0
     """[-] and in which a fence or the edge of a keep-out area was."""
 
-    def record(self) -> dict[str, Any]:
-        """Give it as plain values, for JSON."""
-        return {name: getattr(self, name) for name in self.__slots__}
+    def record(self, *, land: bool = False) -> dict[str, Any]:
+        """Give it as plain values, for JSON; with `land`, what was touched of land and fences."""
+        names = self.__slots__ if land else self.__slots__[: -len(_OF_LAND)]
+        return {name: getattr(self, name) for name in names}
+
+
+_OF_LAND = ("quays", "fences")
 
 
 def evaluate(
@@ -498,11 +501,31 @@ def validate(
     if rough is not None:
         score = score._replace(rough=evaluate_all(policy, rows, episodes, seed, environment=rough))
     if harbours:
-        rows = tuple(ScenarioSettings(robots=3, harbour=(kind,)) for kind in harbours)
-        where = EnvironmentSettings(land=LandSettings(harbours=2**31 - 1, seed=seed))
+        rows = harbour_rows(harbours)
+        where = in_fresh_harbours(EnvironmentSettings(), seed)
         found = evaluate_all(policy, rows, -(-episodes // 2), seed, environment=where)
         score = score._replace(harbours=found)
     return score
+
+
+def harbour_rows(kinds: Sequence[Kind], robots: int = 3) -> tuple[ScenarioSettings, ...]:
+    """Give a row for each kind of harbour."""
+    return tuple(ScenarioSettings(robots=robots, harbour=(kind,)) for kind in kinds)
+
+
+def in_fresh_harbours(settings: EnvironmentSettings, seed: int) -> EnvironmentSettings:
+    """Give an environment in which every episode has a harbour of its own, of this seed."""
+    land = msgspec.structs.replace(settings.land, harbours=2**31 - 1, seed=seed)
+    return msgspec.structs.replace(settings, land=land)
+
+
+def in_current(settings: EnvironmentSettings, speed_mps: float) -> EnvironmentSettings:
+    """Give an environment with a current of this greatest speed, of every kind in turn."""
+    kinds = get_args(CurrentKind)
+    conditions = msgspec.structs.replace(
+        settings.conditions, current_mps=(speed_mps, speed_mps), currents=kinds
+    )
+    return msgspec.structs.replace(settings, conditions=conditions)
 
 
 def _success(kind: tuple[Evaluation, ...]) -> float:

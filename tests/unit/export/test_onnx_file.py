@@ -170,7 +170,7 @@ def test_who_feeds_no_outlines_and_no_hull_has_circles_and_the_default_vessel(ou
 
 def test_padding_has_no_influence_among_outlines(outlined):
     _, data = outlined
-    ego, objects, mask, outlines, hull = example_inputs(20, 9, EXTENDED)
+    ego, objects, mask, outlines, hull, *_ = example_inputs(20, 9, EXTENDED)
     there = mask[:, :, None] > 0
     dirty = torch.where(there, objects, 1e6), mask, torch.where(there, outlines, 50.0)
     clean = answers(data, (ego, objects, mask, outlines, hull))
