@@ -1,7 +1,8 @@
 // The cheapest way around what is fixed. Water is divided into square cells, the finer the nearer to
 // a wall (a quadtree); each cell knows the walls that can be nearest to its points, so that the
-// clearance of any point, and of any leg, is exact. A* runs over the cells and pulls its legs taut
-// as it goes (Theta*: Daniel, Nash, Koenig, Felner 2010). Laws: tests/property/test_route.py.
+// clearance of any point, and of any leg, is exact. Water is divided finely only where somebody
+// asks. A* runs over the cells and pulls its legs taut as it goes (Theta*: Daniel, Nash, Koenig,
+// Felner 2010). Laws: tests/property/test_route.py.
 #pragma once
 
 #include <algorithm>
@@ -13,6 +14,7 @@
 #include <iterator>
 #include <limits>
 #include <span>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -79,49 +81,48 @@ class RoutePlanner {
   explicit RoutePlanner(const RouteRules& rules) : rules_(rules) {}
 
   // Divides a square of water. `shores` are the whole boundary of what is forbidden, which lies to
-  // the left of each; `walls` have water on both sides. False if there would be too many cells.
-  bool divide(std::span<const Segment> shores, std::span<const Segment> walls, const Place& low,
+  // the left of each; `walls` have water on both sides.
+  void divide(std::span<const Segment> shores, std::span<const Segment> walls, const Place& low,
               double side) {
-    cells_.clear(), candidates_.clear(), leaves_ = 0;
     segments_.assign(shores.begin(), shores.end());
     sort_rays(shores.size());
     segments_.insert(segments_.end(), walls.begin(), walls.end());
-    root_side_ = rules_.finest;
+    root_side_ = top_side_ = rules_.finest;
     while (root_side_ < side) root_side_ *= 2.0;
-    top_side_ = rules_.finest;
-    while (top_side_ * 2.0 <= std::max(rules_.coarsest, root_side_ / 128.0) && top_side_ < root_side_)
-      top_side_ *= 2.0;
+    const double coarsest = std::max(rules_.coarsest, root_side_ / 128.0);
+    while (top_side_ * 2.0 <= coarsest && top_side_ < root_side_) top_side_ *= 2.0;
     low_ = low;
     top_count_ = static_cast<std::size_t>(std::llround(root_side_ / top_side_));
-    top_.assign(top_count_ * top_count_, 0);
+    cells_.clear(), candidates_.clear(), visits_.clear();
+    cells_.reserve(rules_.most + top_count_ * top_count_);  // so that none is ever moved
+    cells_.resize(top_count_ * top_count_);
+    is_too_fine_ = false;
     std::vector<std::int32_t> all;
     const Place middle = low + Place{root_side_ / 2.0, root_side_ / 2.0};
     const double reach = root_side_ * ROOT2 / 2.0 + rules_.wanted;
     for (std::size_t i = 0; i < segments_.size(); ++i) {
       if (segments_[i].distance2(middle) <= reach * reach) all.push_back(static_cast<std::int32_t>(i));
     }
-    cells_.push_back({middle, root_side_});
-    const bool fits = split(0, all, is_inside(middle), 0);
-    weight_.assign(cells_.size(), 0.0);
-    return fits;
+    part({middle, root_side_}, all, 0);
   }
 
-  std::size_t size() const { return leaves_; }
+  // [-] Cells so far.
+  std::size_t size() const { return cells_.size(); }
   bool covers(const Place& p) const {
     const Place q = p - low_;
     return q.x >= 0.0 && q.y >= 0.0 && q.x < root_side_ && q.y < root_side_;
   }
 
   // [m] To the nearest wall; 0 where it is forbidden, and outside the square.
-  double clearance(const Place& p) const {
+  double clearance(const Place& p) {
     if (!covers(p)) return 0.0;
     const Cell& cell = cells_[leaf(p)];
-    if (cell.is_inside || (cell.is_mixed && is_inside(p))) return 0.0;
+    if (is_forbidden(cell, p)) return 0.0;
     return near(cell, p).distance;
   }
 
   // [m] The least clearance along a leg.
-  double clearance(const Place& a, const Place& b) const {
+  double clearance(const Place& a, const Place& b) {
     double least = std::min(clearance(a), clearance(b));
     walk(a, b, [&](const Cell& cell, const Segment& part, double) {
       if (cell.is_inside) least = 0.0;
@@ -134,10 +135,10 @@ class RoutePlanner {
   }
 
   // [m] What a leg costs; infinite if it comes too near to a wall, or costs more than `most`.
-  double leg(const Place& a, const Place& b, double most = INFINITE) const {
+  double leg(const Place& a, const Place& b, double most = INFINITE) {
     if (!covers(a) || !covers(b)) return INFINITE;
     double cost = 0.0;
-    const bool passes = walk(a, b, [&](const Cell& cell, const Segment& part, double length) {
+    const bool passes = walk(a, b, [&](Cell& cell, const Segment& part, double length) {
       if (cell.is_inside) return false;
       if (cell.clearance - cell.side * (ROOT2 / 2.0) < rules_.least) {
         for (const std::int32_t i : around(cell)) {
@@ -146,7 +147,7 @@ class RoutePlanner {
           }
         }
       }
-      cost += length * weight(cell);
+      cost += length * weight(near(cell, 0.5 * (part.a + part.b)));
       return cost <= most;
     });
     return passes ? cost : INFINITE;
@@ -156,7 +157,7 @@ class RoutePlanner {
   Route find(const Place& start, const Place& goal, const Place& drift) {
     if (drift.x != drift_.x || drift.y != drift_.y) {
       drift_ = drift;
-      weight_.assign(cells_.size(), 0.0);
+      for (Cell& cell : cells_) cell.weight = 0.0;
     }
     Route route;
     if (!covers(start) || !covers(goal)) return route;
@@ -165,39 +166,22 @@ class RoutePlanner {
       route.end = RouteEnd::FOUND, route.places = {start, goal}, route.cost = straight;
       return route;
     }
-    const std::size_t start_id = cells_.size(), goal_id = start_id + 1;
-    cost_.assign(goal_id + 1, INFINITE), from_.assign(goal_id + 1, NOBODY);
-    is_done_.assign(goal_id + 1, 0), to_goal_.assign(start_id, INFINITE);
-    heap_.clear();
-    start_ = start, goal_ = goal;
-    cost_[start_id] = 0.0, is_done_[start_id] = 1;
+    begin(start, goal);
     bool can_begin = false, can_end = false;
     for (const auto& [id, cost] : links(start)) {
       can_begin = true;
-      reach(id, start_id, cost);
+      reach(id, START, cost);
     }
     for (const auto& [id, cost] : links(goal)) {
       can_end = true;
-      to_goal_[id] = cost;
+      visit(id).to_goal = cost;
     }
     if (!can_begin) route.end = RouteEnd::START_SHUT_IN;
     if (can_begin && !can_end) route.end = RouteEnd::GOAL_SHUT_IN;
-    if (!can_begin || !can_end) return route;
-    reach(goal_id, start_id, leg(start, goal));
-    while (!heap_.empty()) {
-      std::pop_heap(heap_.begin(), heap_.end(), later);
-      const auto [_, id] = heap_.back();
-      heap_.pop_back();
-      if (is_done_[id]) continue;
-      is_done_[id] = 1;
-      if (id == goal_id) break;
-      ++route.expanded;
-      pull(id);
-      expand(id, goal_id);
-    }
-    if (!is_done_[goal_id]) return route;
-    route.end = RouteEnd::FOUND;
-    for (std::size_t id = goal_id; id != NOBODY; id = from_[id]) route.places.push_back(at(id));
+    if (can_begin && can_end) search(route);
+    if (is_too_fine_) route.end = RouteEnd::TOO_FINE;
+    if (route.end != RouteEnd::FOUND) return route;
+    for (std::size_t id = GOAL; id != NOBODY; id = visit(id).from) route.places.push_back(at(id));
     std::reverse(route.places.begin(), route.places.end());
     tauten(route.places);
     for (std::size_t i = 1; i < route.places.size(); ++i) {
@@ -213,31 +197,68 @@ class RoutePlanner {
  private:
   static constexpr double ROOT2 = 1.4142135623730951;
   static constexpr double FINER = 1.0;  // [-] a cell's side is at most this share of its clearance
-  static constexpr std::size_t NOBODY = static_cast<std::size_t>(-1);
+  static constexpr std::size_t NOBODY = static_cast<std::size_t>(-1), START = NOBODY - 1, GOAL = NOBODY - 2;
   static constexpr std::size_t RAYS = 256;
 
   struct Cell {
     Place middle;
-    double side;
-    double clearance = 0.0;                // [m] of the middle
-    std::int32_t children = -1;            // the first of four; -1: a leaf
-    std::uint32_t begin = 0, count = 0;    // of its walls among the candidates
-    bool is_inside = false, is_mixed = false;
-    bool is_free = false;  // its middle has the least clearance
+    double side = 0.0;
+    double clearance = 0.0;              // [m] of the middle
+    double weight = 0.0;                 // [-] what a metre costs; 0: not known yet
+    std::int32_t children = -1;          // the first of four; -1: a leaf
+    std::uint32_t begin = 0, count = 0;  // of its walls among the candidates
+    bool is_open = false;    // false: a top cell that is not divided yet
+    bool is_inside = false;  // all of it is forbidden
+    bool is_mixed = false;   // a part of it may be
+    bool is_free = false;    // its middle has the least clearance
   };
   struct Near {
     double distance = INFINITE;
     Place to;  // [m] from the point to the wall
   };
-  using Entry = std::pair<double, std::size_t>;
+  struct Visit {
+    double cost = INFINITE, to_goal = INFINITE;  // [m]
+    std::size_t from = NOBODY;
+    std::uint32_t search = 0;
+    bool is_done = false;
+  };
+  struct Entry {
+    double total;  // [m]
+    Place middle;
+    std::size_t id;
+  };
 
-  static bool later(const Entry& a, const Entry& b) { return a > b; }
+  // Equal costs are told apart by places, so that it does not matter when cells were made.
+  static bool later(const Entry& a, const Entry& b) {
+    return std::tie(a.total, a.middle.x, a.middle.y) > std::tie(b.total, b.middle.x, b.middle.y);
+  }
 
   // -- The cells.
 
-  bool split(std::size_t id, const std::vector<std::int32_t>& above, bool inside, int depth) {
-    Cell cell = cells_[id];
-    const double half = cell.side * ROOT2 / 2.0;
+  // Gives each top cell the walls that can be nearest to its points.
+  void part(const Cell& cell, const std::vector<std::int32_t>& above, int depth) {
+    const std::vector<std::int32_t>& mine = nearest(cell, above, depth).second;
+    if (cell.side <= top_side_ * (1.0 + 1e-9)) {
+      Cell& top = cells_[top_index(cell.middle)];
+      top = cell;
+      top.begin = static_cast<std::uint32_t>(candidates_.size());
+      top.count = static_cast<std::uint32_t>(mine.size());
+      candidates_.insert(candidates_.end(), mine.begin(), mine.end());
+      return;
+    }
+    for (int k = 0; k < 4; ++k) part(quarter(cell, k), mine, depth + 1);
+  }
+
+  static Cell quarter(const Cell& cell, int k) {
+    const double off = cell.side / 4.0;
+    return {cell.middle + Place{k & 1 ? off : -off, k & 2 ? off : -off}, cell.side / 2.0};
+  }
+
+  // [m] The distance from a cell's middle to the nearest wall, and the walls that can be nearest to
+  // any of its points.
+  std::pair<double, std::vector<std::int32_t>&> nearest(const Cell& cell,
+                                                        std::span<const std::int32_t> above,
+                                                        int depth) {
     std::vector<std::int32_t>& mine = kept(depth);
     mine.clear();
     distances_.resize(above.size());
@@ -248,40 +269,42 @@ class RoutePlanner {
       least = std::min(least, distances_[i]);
     }
     for (std::size_t i = 0; i < above.size(); ++i) {
-      if (distances_[i] <= least + 2.0 * half) mine.push_back(above[i]);
+      if (distances_[i] <= least + ROOT2 * cell.side) mine.push_back(above[i]);
     }
-    cell.clearance = least;
-    cell.is_mixed = least <= half;
-    const bool is_top = cell.side <= top_side_ * (1.0 + 1e-9);
+    return {least, mine};
+  }
+
+  // Divides a cell until each part is either all too near to a wall, or all clear and not large for
+  // its clearance, or as small as cells get.
+  void split(std::size_t id, std::span<const std::int32_t> above, int depth) {
+    Cell& cell = cells_[id];
+    const auto [least, mine] = nearest(cell, above, depth);
+    const bool inside = is_inside(cell.middle);
+    const double half = cell.side * ROOT2 / 2.0, clear = inside ? -least : least;
     // None of a cell's points has a clearance that differs from the middle's by more than `half`.
-    const double clear = inside ? -least : least;
     const bool is_shut = clear + half < rules_.least;
     const bool is_clear = clear - half >= rules_.least && cell.side <= FINER * clear;
-    const bool is_fine = is_clear || cell.side <= rules_.finest * (1.0 + 1e-9);
-    if (is_top && cell.side > top_side_ * 0.75) note_top(cell.middle, id);
-    if (is_top && (is_shut || is_fine)) {
-      if (++leaves_ > rules_.most) return false;
+    cell.is_open = true;
+    cell.clearance = least;
+    cell.is_mixed = least <= half;
+    if (is_shut || is_clear || cell.side <= rules_.finest * (1.0 + 1e-9)) {
       cell.is_inside = inside && !cell.is_mixed;
-      cell.is_free = !inside && least >= rules_.least;
+      cell.is_free = clear >= rules_.least;
       cell.begin = static_cast<std::uint32_t>(candidates_.size());
       cell.count = static_cast<std::uint32_t>(mine.size());
       candidates_.insert(candidates_.end(), mine.begin(), mine.end());
-      cells_[id] = cell;
-      return true;
+      return;
+    }
+    if (cells_.size() + 4 > cells_.capacity()) {
+      is_too_fine_ = true;  // and this one is forbidden
+      cell.is_inside = true;
+      return;
     }
     cell.children = static_cast<std::int32_t>(cells_.size());
-    cells_[id] = cell;
-    const double quarter = cell.side / 4.0;
-    for (int k = 0; k < 4; ++k) {
-      const Place off{k & 1 ? quarter : -quarter, k & 2 ? quarter : -quarter};
-      cells_.push_back({cell.middle + off, cell.side / 2.0});
-    }
+    for (int k = 0; k < 4; ++k) cells_.push_back(quarter(cell, k));
     for (std::size_t k = 0; k < 4; ++k) {
-      const std::size_t child = static_cast<std::size_t>(cell.children) + k;
-      const bool is_in = cell.is_mixed ? is_inside(cells_[child].middle) : inside;
-      if (!split(child, kept(depth), is_in, depth + 1)) return false;
+      split(static_cast<std::size_t>(cell.children) + k, mine, depth + 1);
     }
-    return true;
   }
 
   // The lists of the cells that are being divided: one a depth, used again and again.
@@ -291,7 +314,6 @@ class RoutePlanner {
     return lists_[d];
   }
 
-  void note_top(const Place& middle, std::size_t id) { top_[top_index(middle)] = id; }
   std::size_t top_index(const Place& p) const {
     const auto place = [&](double real) {
       const double share = real / top_side_;
@@ -300,8 +322,12 @@ class RoutePlanner {
     return place(p.x - low_.x) + top_count_ * place(p.y - low_.y);
   }
 
-  std::size_t leaf(const Place& p) const {
-    std::size_t id = top_[top_index(p)];
+  std::size_t leaf(const Place& p) {
+    std::size_t id = top_index(p);
+    if (!cells_[id].is_open) {
+      const std::vector<std::int32_t> mine(around(cells_[id]).begin(), around(cells_[id]).end());
+      split(id, mine, 0);
+    }
     while (cells_[id].children >= 0) {
       const Cell& cell = cells_[id];
       const int k = (p.x >= cell.middle.x ? 1 : 0) | (p.y >= cell.middle.y ? 2 : 0);
@@ -360,11 +386,14 @@ class RoutePlanner {
     return found;
   }
 
+  bool is_forbidden(const Cell& cell, const Place& p) const {
+    return cell.is_inside || (cell.is_mixed && is_inside(p));
+  }
+
   // [-] What a metre costs in a cell. A wall to leeward is as near as it will be after `drift_s`.
-  double weight(const Cell& cell) const {
-    const auto id = static_cast<std::size_t>(&cell - cells_.data());
-    if (weight_[id] == 0.0) weight_[id] = weight(near(cell, cell.middle));
-    return weight_[id];
+  double weight(Cell& cell) {
+    if (cell.weight == 0.0) cell.weight = weight(near(cell, cell.middle));
+    return cell.weight;
   }
   double weight(const Near& at) const {
     double clear = at.distance;
@@ -378,7 +407,7 @@ class RoutePlanner {
   // Calls `see(cell, part, length)` for each part of a leg, none longer than its cell allows, until
   // that gives false. In open water one part spans many cells: as many as its first one's clearance.
   template <class See>
-  bool walk(const Place& a, const Place& b, See see) const {
+  bool walk(const Place& a, const Place& b, See see) {
     const double length = norm(b - a);
     const Place along = length > 0.0 ? (1.0 / length) * (b - a) : Place{};
     const double free = rules_.wanted + rules_.drift_s * norm(drift_);
@@ -386,7 +415,7 @@ class RoutePlanner {
     do {
       const Place p = a + done * along;
       if (!covers(p)) return false;
-      const Cell& cell = cells_[leaf(p + 1e-7 * along)];
+      Cell& cell = cells_[leaf(p + 1e-7 * along)];
       double step = std::max(exit(cell, p, along), 1e-6);
       const double open = cell.clearance - norm(p - cell.middle) - free;
       if (!cell.is_inside && open > step) step = open;
@@ -408,12 +437,12 @@ class RoutePlanner {
   }
 
   template <class Each>
-  void neighbours(std::size_t id, Each each) const {
+  void neighbours(std::size_t id, Each each) {
     const Cell& cell = cells_[id];
     const double half = cell.side / 2.0, out = half + rules_.finest / 4.0;
     for (int side = 0; side < 4; ++side) {
       // Along each side from corner to corner, the corner at its end included.
-      double along = -half;
+      double along = rules_.finest / 8.0 - half;
       while (along < out) {
         const Place off = side == 0   ? Place{along, -out}
                           : side == 1 ? Place{out, along}
@@ -436,38 +465,72 @@ class RoutePlanner {
 
   // -- The search.
 
+  void begin(const Place& start, const Place& goal) {
+    ++search_;
+    heap_.clear();
+    start_ = start, goal_ = goal, at_start_ = at_goal_ = {};
+    at_start_.cost = 0.0, at_start_.is_done = true;
+    at_start_.search = at_goal_.search = search_;
+  }
+
+  void search(Route& route) {
+    reach(GOAL, START, leg(start_, goal_));
+    while (!heap_.empty()) {
+      std::pop_heap(heap_.begin(), heap_.end(), later);
+      const std::size_t id = heap_.back().id;
+      heap_.pop_back();
+      if (visit(id).is_done) continue;
+      visit(id).is_done = true;
+      if (id == GOAL) {
+        route.end = RouteEnd::FOUND;
+        return;
+      }
+      ++route.expanded;
+      pull(id);
+      expand(id);
+    }
+  }
+
+  Visit& visit(std::size_t id) {
+    if (id == START) return at_start_;
+    if (id == GOAL) return at_goal_;
+    if (id >= visits_.size()) visits_.resize(cells_.size());
+    Visit& found = visits_[id];
+    if (found.search != search_) found = {}, found.search = search_;
+    return found;
+  }
+
   Place at(std::size_t id) const {
-    if (id < cells_.size()) return cells_[id].middle;
-    return id == cells_.size() ? start_ : goal_;
+    return id == START ? start_ : id == GOAL ? goal_ : cells_[id].middle;
   }
 
   void reach(std::size_t id, std::size_t from, double cost) {
-    if (!(cost_[from] + cost < cost_[id])) return;
-    cost_[id] = cost_[from] + cost, from_[id] = from;
-    heap_.emplace_back(cost_[id] + norm(goal_ - at(id)), id);
+    const double both = visit(from).cost + cost;
+    Visit& to = visit(id);
+    if (!(both < to.cost)) return;
+    to.cost = both, to.from = from;
+    heap_.push_back({both + norm(goal_ - at(id)), at(id), id});
     std::push_heap(heap_.begin(), heap_.end(), later);
   }
 
   // Goes straight from the place before the last one, where that is cheaper.
   void pull(std::size_t id) {
-    {
-      const std::size_t before = from_[id] == NOBODY ? NOBODY : from_[from_[id]];
-      if (before == NOBODY) return;
-      const double cost = leg(at(before), at(id), cost_[id] - cost_[before]);
-      if (!(cost_[before] + cost <= cost_[id])) return;
-      cost_[id] = cost_[before] + cost, from_[id] = before;
-    }
+    const std::size_t last = visit(id).from, before = last == NOBODY ? NOBODY : visit(last).from;
+    if (before == NOBODY) return;
+    const double past = visit(before).cost, most = visit(id).cost - past;
+    const double cost = leg(at(before), at(id), most);
+    if (cost <= most) visit(id).cost = past + cost, visit(id).from = before;
   }
 
-  void expand(std::size_t id, std::size_t goal_id) {
-    const Cell& cell = cells_[id];
-    if (to_goal_[id] < INFINITE) reach(goal_id, id, to_goal_[id]);
-    const double mine = weight(cell);
+  void expand(std::size_t id) {
+    Cell& cell = cells_[id];
+    const double past = visit(id).cost, to_goal = visit(id).to_goal, mine = weight(cell);
+    if (to_goal < INFINITE) reach(GOAL, id, to_goal);
     neighbours(id, [&](std::size_t other) {
-      const Cell& o = cells_[other];
-      if (is_done_[other] || !o.is_free) return;
+      Cell& o = cells_[other];
+      if (!o.is_free || visit(other).is_done) return;
       const double length = norm(o.middle - cell.middle);
-      if (!(cost_[id] + length < cost_[other])) return;
+      if (!(past + length < visit(other).cost)) return;
       const bool is_sure = cell.clearance + o.clearance - length >= 2.0 * rules_.least;
       if (!is_sure && !(leg(cell.middle, o.middle) < INFINITE)) return;
       reach(other, id, length * (mine + weight(o)) / 2.0);
@@ -477,7 +540,7 @@ class RoutePlanner {
   // The free cells that a start or a goal is joined with, and at what cost: those next to it; or,
   // where it is too near to a wall, the nearest in sight, no farther away than `escape`. Out of what
   // is forbidden the nearest is taken, whatever lies between.
-  std::vector<std::pair<std::size_t, double>> links(const Place& p) const {
+  std::vector<std::pair<std::size_t, double>> links(const Place& p) {
     std::vector<std::pair<std::size_t, double>> found;
     const double clear = clearance(p);
     const bool is_clear = clear >= rules_.least, is_out = clear > 0.0;
@@ -508,14 +571,14 @@ class RoutePlanner {
   }
 
   // [m] What it costs to come from too near a wall, or from where it is forbidden, to a free cell.
-  double escape(const Place& p, const Place& to, bool is_out) const {
+  double escape(const Place& p, const Place& to, bool is_out) {
     const double length = norm(to - p);
     if (length > rules_.escape || (is_out && !(clearance(p, to) > 0.0))) return INFINITE;
     return 2.0 * (1.0 + rules_.nearness) * length;
   }
 
   // Leaves out what is not needed, and moves corners to where the way is cheapest.
-  void tauten(std::vector<Place>& places) const {
+  void tauten(std::vector<Place>& places) {
     for (int round = 0; round < 2; ++round) {
       shorten(places);
       double step = rules_.wanted;
@@ -526,7 +589,7 @@ class RoutePlanner {
     shorten(places);
   }
 
-  void shorten(std::vector<Place>& places) const {
+  void shorten(std::vector<Place>& places) {
     for (std::size_t i = 0; i + 2 < places.size(); ++i) {
       std::vector<double> cost(places.size(), 0.0);
       for (std::size_t j = i + 1; j < places.size(); ++j) {
@@ -541,7 +604,7 @@ class RoutePlanner {
     }
   }
 
-  void shift(std::vector<Place>& places, std::size_t i, double step) const {
+  void shift(std::vector<Place>& places, std::size_t i, double step) {
     double best = leg(places[i - 1], places[i]) + leg(places[i], places[i + 1]);
     if (!(best < INFINITE)) return;
     const Place here = places[i];
@@ -560,21 +623,19 @@ class RoutePlanner {
 
   RouteRules rules_;
   std::vector<Segment> segments_;
-  std::vector<Cell> cells_;
+  std::vector<Cell> cells_;  // the top cells first, by rows
   std::vector<std::int32_t> candidates_;
   std::deque<std::vector<std::int32_t>> lists_;
   std::vector<double> distances_;
-  std::vector<std::size_t> top_;
   std::vector<std::vector<std::int32_t>> rays_;
+  std::vector<Visit> visits_;
+  std::vector<Entry> heap_;
+  Visit at_start_, at_goal_;
   Place low_, start_, goal_, drift_;
   double root_side_ = 0.0, top_side_ = 0.0, ray_low_ = INFINITE, ray_width_ = 1.0;
-  std::size_t top_count_ = 0, leaves_ = 0;
-  bool is_bounded_ = true;
-  mutable std::vector<double> weight_;  // [-] of the cells; 0: not known yet
-  std::vector<double> cost_, to_goal_;
-  std::vector<std::size_t> from_;
-  std::vector<std::uint8_t> is_done_;
-  std::vector<Entry> heap_;
+  std::size_t top_count_ = 0;
+  std::uint32_t search_ = 0;
+  bool is_bounded_ = true, is_too_fine_ = false;
 };
 
 }  // namespace twinscrew
