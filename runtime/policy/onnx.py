@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from pathlib import Path
 from typing import Any
 
@@ -90,12 +89,8 @@ class OnnxPolicy:
     def shown(self) -> Shown:
         """What it takes."""
         m = self.metadata
-        return Shown(
-            m.observed_objects,
-            m.extended,
-            m.perception_range_m if m.extended else math.inf,
-            CONTOUR_RANGE_M if m.contour else None,
-        )
+        contour_m = CONTOUR_RANGE_M if m.contour else None
+        return Shown(m.observed_objects, m.extended, m.perception_range_m, contour_m)
 
     def act(self, observation: Observation) -> Float64:
         """Give the thrust rates, (2,) [N/s], clipped to what the policy was trained with.
