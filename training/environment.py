@@ -245,7 +245,11 @@ class VectorEnv:
         others = strangers or scripted
         lag_s = s.conditions.thrust_lag_s
         has_harbours = any(row.harbour for row in s.scenarios)
-        land = Land((self.episodes, self.vessels), s.land) if has_harbours else None
+        land = (
+            Land((self.episodes, self.vessels), s.land, 0.4 * s.vessel.width)
+            if has_harbours
+            else None
+        )
         self.state = State(self.episodes, self.vessels, self.buoys, others, s.vessel, lag_s, land)
         """What is on the water now."""
         self.physics = Physics(
@@ -300,7 +304,7 @@ class VectorEnv:
         if self.state.land is not None:
             harbours = self._upcoming.harbours_of(beginning.scenario)
             self.state.land.begin(slots, harbours, beginning.chance)
-            self.state.take_aim()
+            self.state.take_aim(slots)
         self.physics.forces.begin(slots, beginning.chance, hulls)
         self.perception.forget(slots)
         observation.rows[slots] = beginning.rows

@@ -204,7 +204,11 @@ class Episodes:
             chance = np.concatenate([chance, further], axis=-1)
         every = np.arange(len(generators))
         lag_s = self._conditions.thrust_lag_s
-        land = Land((len(generators), vessels), self._land) if self.has_harbours else None
+        land = (
+            Land((len(generators), vessels), self._land, 0.4 * self._vessel.width)
+            if self.has_harbours
+            else None
+        )
         state = State(len(generators), vessels, buoys, room, self._vessel, lag_s, land)
         state.begin(every, scenario)
         if self._conditions.varied:
@@ -213,7 +217,7 @@ class Episodes:
             state.take_field(every, field, np.zeros(len(every)))
         if land is not None:
             land.begin(every, harbours, chance)
-            state.take_aim()
+            state.take_aim(every)
         seen = Perception(noise, self._sight).observe(state, scenario.vessel, drawn).rows
         rows = seen * scenario.vessel[..., None]
         placed: tuple[Any, ...] = scenario[:SCENARIO_PARTS]

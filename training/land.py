@@ -1,9 +1,8 @@
 """Harbours for E episodes at once: contours, contacts with edges, and the goal along each way.
 
 Harbours are drawn once (`harbours.draw_harbour`) and packed: edges as pairs of complex numbers,
-north + i east [m], each vessel's way as points at equal distances, and for each of these the
-farthest point of the way that can be reached from there in a straight line. So at every decision
-the goal that is shown is looked up, and only what is near a vessel is computed at all.
+north + i east [m], and each vessel's way as points at equal distances. A vessel is shown the
+farthest point of its way that lies in a straight line from it, as a route planned anew would.
 """
 
 from __future__ import annotations
@@ -29,12 +28,8 @@ Index = NDArray[np.intp]
 Complex64 = NDArray[np.complex64]
 Points = NDArray[np.complex128]
 
-WAY_POINTS = 96
+WAY_POINTS = 24
 """[-] Points along a way."""
-TARGETS = 32
-"""[-] Every third of them may be the goal that is shown."""
-BACK, AHEAD = 4, 12
-"""[-] Along its way a vessel is looked for so many points behind, and ahead of, the last place."""
 NOWHERE = 1e6
 """[m] Where edges lie that are not there."""
 
@@ -76,8 +71,6 @@ class Packed(NamedTuple):
     harbour: Harbour
     way: Complex64
     """(V, WAY_POINTS) [m] Along each vessel's way, from its start to its goal."""
-    farthest: NDArray[np.int16]
-    """(V, WAY_POINTS) The farthest point that is clear in a straight line from each of them."""
     rest: Float32
     """(V, WAY_POINTS) [m] From each of them on to the goal."""
 
@@ -89,8 +82,7 @@ def harbour_of(settings: HarbourSettings, seed: int, number: int) -> Packed:
     edges = harbour.edges
     corners = (edges[..., 0] + 1j * edges[..., 1]).reshape(-1, 2)
     land = sum(len(ring) for ring in harbour.land)
-    clear = 0.9 * settings.clearance_beams * settings.beam_m
-    ways = [_along(way, corners, harbour.piles, clear) for way in harbour.ways]
+    ways = [_along(way) for way in harbour.ways]
     return Packed(
         corners[:, 0].astype(np.complex64),
         corners[:, 1].astype(np.complex64),
@@ -113,67 +105,23 @@ def harbour_settings(
     )
 
 
-def _along(
-    way: Float64, corners: Points, piles: Float64, clear: float
-) -> tuple[Complex64, NDArray[np.int16], Float32]:
-    """Give a way's points, the farthest that is clear from each, and what is left from each [m]."""
+def _along(way: Float64) -> tuple[Complex64, Float32]:
+    """Give a way's points, and what is left of it from each of them [m]."""
     legs = way[:, 0] + 1j * way[:, 1]
     passed = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(legs)))])
     at = np.linspace(0.0, passed[-1], WAY_POINTS)
     point = np.interp(at, passed, legs.real) + 1j * np.interp(at, passed, legs.imag)
-    targets = np.linspace(0, WAY_POINTS - 1, TARGETS).astype(np.intp)
-    i, j = np.nonzero(np.arange(WAY_POINTS)[:, None] < targets)
-    free = np.zeros((WAY_POINTS, TARGETS), bool)
-    free[i, j] = legs_clearance(point[i], point[targets[j]], corners, piles) >= clear
-    # Only an unbroken row of clear targets counts: what lies behind a gap of them is another arm.
-    ahead = np.arange(WAY_POINTS)[:, None] < targets
-    unbroken = np.logical_and.accumulate(free | ~ahead, axis=1) & ahead
-    farthest = np.where(unbroken, targets, 0).max(axis=1)
-    following = targets[
-        np.minimum(np.searchsorted(targets, np.arange(WAY_POINTS) + 1), TARGETS - 1)
-    ]
-    farthest = np.maximum(farthest, following)
     rest = (passed[-1] - at).astype(np.float32)
-    return point.astype(np.complex64), farthest.astype(np.int16), rest
-
-
-def legs_clearance(start: Points, end: Points, corners: Points, piles: Float64) -> Float64:
-    """Give how near straight legs (L,) come to edges (S, 2) and piles (P, 3) [m]; 0 if crossed."""
-    leg = end - start
-    far = np.maximum(np.abs(leg), 1e-9)
-    turn = np.where(leg == 0.0, 1.0, leg / far).conj()[:, None]
-    radius = piles[:, 2]
-    posts = (piles[:, 0] + 1j * piles[:, 1])[None, :]
-
-    def from_leg(points: Points) -> Float64:
-        seen = (points - start[:, None]) * turn
-        past = seen.real - np.clip(seen.real, 0.0, far[:, None])
-        distance: Float64 = np.hypot(past, seen.imag)
-        return distance
-
-    nearest = np.full(len(start), np.inf)
-    if posts.size:
-        nearest = np.minimum(nearest, (from_leg(posts) - radius).min(axis=1))
-    if len(corners):
-        first, last = corners[None, :, 0], corners[None, :, 1]
-        nearest = np.minimum(nearest, from_leg(first).min(axis=1))
-        for place in (start, end):
-            gap = np.abs(nearest_point(first - place[:, None], last - place[:, None]))
-            nearest = np.minimum(nearest, gap.min(axis=1))
-        a, b = (first - start[:, None]) * turn, (last - start[:, None]) * turn
-        sides = (a.imag > 0.0) != (b.imag > 0.0)
-        rise = np.where(sides, b.imag - a.imag, 1.0)
-        along = a.real - a.imag * (b.real - a.real) / rise
-        crossed = (sides & (along >= 0.0) & (along <= far[:, None])).any(axis=1)
-        nearest[crossed] = 0.0
-    return np.maximum(nearest, 0.0)
+    return point.astype(np.complex64), rest
 
 
 class Land:
     """What is fixed in E episodes, and V vessels' ways through it; arrays change in place."""
 
-    def __init__(self, shape: tuple[int, int], settings: LandSettings) -> None:
-        self.settings, self.shape = settings, shape
+    def __init__(
+        self, shape: tuple[int, int], settings: LandSettings, room_m: float = 1.25
+    ) -> None:
+        self.settings, self.shape, self.room_m = settings, shape, room_m
         episodes = shape[0]
         self.there = np.zeros(episodes, bool)
         """(E,) Whether anything is fixed."""
@@ -184,10 +132,15 @@ class Land:
         self.fence = np.zeros((episodes, 0), bool)
         """(E, S)"""
         self.way = np.zeros((*shape, WAY_POINTS), np.complex64)
-        self.farthest = np.zeros((*shape, WAY_POINTS), np.int16)
         self.rest = np.zeros((*shape, WAY_POINTS), np.float32)
         self.at = np.zeros(shape, np.intp)
-        """(E, V) The point of its way that each vessel is at."""
+        """(E, V) Which point of its way each vessel is shown."""
+        self.shown = np.zeros(shape, complex)
+        """(E, V) [m] Where it is; the goal itself at the end, and in open water."""
+        self.beyond = np.zeros(shape)
+        """(E, V) [m] What is left of the way from there."""
+        self._decisions = np.zeros(episodes, np.intp)
+        self._sight = np.full((2, episodes, 0), NOWHERE, np.complex64)
         self.most = np.zeros(shape, np.intp)
         """(E, V) The goal is shown at most so many points ahead."""
         self.reach = np.full(episodes, CONTOUR_RANGE_M, np.float32)
@@ -202,7 +155,7 @@ class Land:
         self._widen(room)
         self.there[slots] = False
         self.start[slots] = self.end[slots] = NOWHERE
-        self.at[slots] = 0
+        self.at[slots] = self._decisions[slots] = 0
         for k, (slot, one) in enumerate(zip(slots.tolist(), harbours, strict=True)):
             if one is None:
                 continue
@@ -210,13 +163,19 @@ class Land:
             count, vessels = len(one.start), len(one.way)
             self.start[slot, :count], self.end[slot, :count] = one.start, one.end
             self.fence[slot, :count] = one.fence
-            self.way[slot, :vessels], self.farthest[slot, :vessels] = one.way, one.farthest
-            self.rest[slot, :vessels] = one.rest
+            edge = one.end - one.start  # longer at both ends, so that a sight passes corners clear
+            room = self.room_m * edge / np.maximum(np.abs(edge), 1e-6)
+            self._sight[0, slot], self._sight[1, slot] = NOWHERE, 0.0
+            self._sight[0, slot, :count], self._sight[1, slot, :count] = (
+                one.start - room,
+                edge + 2.0 * room,
+            )
+            self.way[slot, :vessels], self.rest[slot, :vessels] = one.way, one.rest
             low, high = s.look_ahead_m
             dice = chance[k, -1, 5:8]
             far = low + (high - low) * dice[0]
             spacing = np.maximum(one.rest[:, 0], 1.0) / (WAY_POINTS - 1)
-            self.most[slot, :vessels] = np.maximum(far / spacing, 2.0)
+            self.most[slot, :vessels] = np.maximum(far / spacing, 1.0)
             known = CONTOUR_RANGE_M
             if dice[1] < s.partly_known:
                 known = s.least_range_m + (known - s.least_range_m) * float(dice[2])
@@ -231,30 +190,47 @@ class Land:
             self.start = np.pad(self.start, pad, constant_values=NOWHERE)
             self.end = np.pad(self.end, pad, constant_values=NOWHERE)
             self.fence = np.pad(self.fence, pad)
+            self._sight = np.pad(self._sight, ((0, 0), *pad), constant_values=NOWHERE)
 
-    def follow(self, position: Points, goal: Points) -> tuple[Points, Float64]:
-        """Give the goals that are shown, and what is left of the way from there, both (E, V).
+    def follow(self, slots: Index, position: Points, goal: Points) -> None:
+        """Choose the goals that are shown in some slots, from places and goals (E, V).
 
-        Each vessel is looked for along its way near where it was; the goal that is shown is the
-        farthest point in a straight line from there, at most `look_ahead_m` ahead.
+        That is the farthest point of a vessel's way that is in a straight line from it with no edge
+        between, `room_m` clear of corners, and at most `look_ahead_m` beyond the nearest such
+        point. Where no point is, the last one stays. It is looked for at every other decision.
         """
-        shown, beyond = goal.copy(), np.zeros(self.shape)
-        e = np.flatnonzero(self.there)
-        if not e.size:
-            return shown, beyond
-        near = self.at[e][..., None] + np.arange(-BACK, AHEAD + 1)
-        np.clip(near, 0, WAY_POINTS - 1, out=near)
-        way = self.way[e]
-        off = np.abs(np.take_along_axis(way, near, axis=-1) - position[e][..., None])
-        at = np.take_along_axis(near, off.argmin(axis=-1)[..., None], axis=-1)
-        self.at[e] = at[..., 0]
-        target = np.take_along_axis(self.farthest[e], at, axis=-1).astype(np.intp)
-        target = np.minimum(target, np.minimum(at + self.most[e][..., None], WAY_POINTS - 1))
-        last = target == WAY_POINTS - 1
-        there = np.take_along_axis(way, target, axis=-1)
-        shown[e] = np.where(last, goal[e][..., None], there)[..., 0]
-        beyond[e] = np.take_along_axis(self.rest[e], target, axis=-1)[..., 0]
-        return shown, beyond
+        self.shown[slots], self.beyond[slots] = goal[slots], 0.0
+        slots = slots[self.there[slots]]
+        looking = slots[self._decisions[slots] % 2 == 0]
+        self._decisions[slots] += 1
+        if looking.size:
+            self._look(looking, position[looking])
+        if slots.size:
+            at = self.at[slots][..., None]
+            there = np.take_along_axis(self.way[slots], at, axis=-1)[..., 0]
+            self.shown[slots] = np.where(at[..., 0] == WAY_POINTS - 1, goal[slots], there)
+            self.beyond[slots] = np.take_along_axis(self.rest[slots], at, axis=-1)[..., 0]
+
+    def _look(self, e: Index, position: Points) -> None:
+        """Find the farthest points in sight of the vessels at places (n, V) [m]."""
+        place = position.astype(np.complex64)[..., None]
+        off = self.way[e] - place
+        clear = np.ones(off.shape, bool)
+        if self.start.shape[1]:
+            start, way = self._sight[0, e][:, None] - place, self._sight[1, e][:, None]
+            start, way = start[..., None, :], way[..., None, :]
+            x, y = off.real[..., None], off.imag[..., None]
+            # The sight crosses an edge if each has the other's ends on both of its sides.
+            turn = x * way.imag - y * way.real
+            before = x * start.imag - y * start.real
+            own = start.real * way.imag - start.imag * way.real
+            crossed = ((before > 0) != (before + turn > 0)) & ((own > 0) != (own - turn > 0))
+            clear = ~crossed.any(axis=-1)
+        near = np.where(clear, np.abs(off), np.inf).argmin(axis=-1)
+        most = (near + self.most[e])[..., None]
+        points = np.arange(WAY_POINTS)
+        target = np.where(clear & (points <= most), points, -1).max(axis=-1)
+        self.at[e] = np.where(target < 0, self.at[e], target)
 
     def contours(self, position: Points, heading: Float64, observers: Mask) -> Float32:
         """Give what each observer, (E, V), is shown of the edges, (E, V, SECTORS) [m]."""

@@ -325,7 +325,6 @@ class State:
         """[m/s] (E, V) Velocity of the water where each vessel is."""
         self.field = np.zeros((episodes, FIELD_COLUMNS))
         """(E, 12) Currents that vary from place to place or with time (`current_field`)."""
-        self._aim: tuple[Points, Float64] | None = None
         self.range = np.full(episodes, np.nan)
         """[m] (E,) How far is seen; NaN: the environment's."""
         self.decisions = np.zeros(episodes, np.int64)
@@ -350,9 +349,9 @@ class State:
     @property
     def aim(self) -> tuple[Points, Float64]:
         """(E, V) The goals that are shown [m], and what is left of the ways beyond them [m]."""
-        if self.land is None or self._aim is None:
+        if self.land is None:
             return self.goal, np.zeros(self.shape)
-        return self._aim
+        return self.land.shown, self.land.beyond
 
     @property
     def way_left(self) -> Float64:
@@ -363,10 +362,10 @@ class State:
         left: Float64 = np.abs(shown - self.position) + beyond
         return left
 
-    def take_aim(self) -> None:
-        """Choose the goals that are shown, from where the vessels are now."""
+    def take_aim(self, slots: Index) -> None:
+        """Choose the goals that are shown in some slots, from where the vessels are now."""
         if self.land is not None:
-            self._aim = self.land.follow(self.position, self.goal)
+            self.land.follow(slots, self.position, self.goal)
 
     @property
     def velocity(self) -> Points:
@@ -743,7 +742,7 @@ class Physics:
         state.position.real, state.position.imag = state.north_east
         if self._flows:
             self._flow_on(elapsed_s + self._period)
-        state.take_aim()
+        state.take_aim(np.arange(state.shape[0]))
         state.scripted += state.scripted_velocity * self._period
         if state.scripted_turn.any():
             turn = state.scripted_turn * self._period

@@ -23,7 +23,6 @@ from twinscrew.training.land import (
     crosses_box,
     harbour_of,
     harbour_settings,
-    legs_clearance,
 )
 from twinscrew.training.networks import Beside, unpack, with_risk
 from twinscrew.training.physics import current_field, field_columns
@@ -120,35 +119,64 @@ def test_a_narrow_gap_can_be_passed_by_the_rectangle_though_not_by_the_circle() 
     assert env.step(np.zeros((1, 3, 2))).touched_land[0, 0]
 
 
-def test_the_goal_that_is_shown_has_no_edge_before_it_and_comes_nearer_along_the_way() -> None:
-    drawn = harbour_settings(EVERY, 3, (5.0, 2.5), settings("gap").land)
-    for number in range(25):
-        packed = harbour_of(drawn, 0, number)
-        corners = np.stack([packed.start, packed.end], axis=1).astype(complex)
-        for way, farthest, rest in zip(packed.way, packed.farthest, packed.rest, strict=True):
-            assert (farthest[:-1] > np.arange(WAY_POINTS - 1)).all()
-            target = way[farthest].astype(complex)
-            clear = legs_clearance(way.astype(complex), target, corners, packed.harbour.piles)
-            assert clear.min() > 1.25  # half a beam
-            left = np.abs(target - way) + rest[farthest]
-            assert np.all(np.diff(left) <= 0.3)  # a short cut may begin with a step aside
-            assert left[0] <= rest[0] + 1e-3
-            assert rest[-1] == 0.0
+def test_no_edge_lies_between_a_vessel_on_its_way_and_the_goal_that_is_shown() -> None:
+    env = VectorEnv(settings(*EVERY), 12, 2, auto_reset=False)
+    env.reset()
+    land, state, every = env.state.land, env.state, np.arange(12)
+    assert land is not None
+    for point in range(WAY_POINTS):
+        state.position[:] = land.way[..., point]
+        for _ in range(2):  # it is looked for at every other decision
+            state.take_aim(every)
+        sight = land.shown - state.position
+        start = (land.start[:, None] - state.position[..., None]) / sight[..., None]
+        end = (land.end[:, None] - state.position[..., None]) / sight[..., None]
+        # In units of the sight, which so reaches from 0 to 1 along the first axis.
+        rise = np.where(start.imag == end.imag, 1.0, end.imag - start.imag)
+        where = start.real - start.imag * (end.real - start.real) / rise
+        crossed = (start.imag > 0) != (end.imag > 0)
+        between = crossed & (where > 1e-3) & (where < 1.0 - 1e-3)
+        assert not between[np.abs(sight) > 0.1].any()
 
 
-def test_the_way_that_is_left_falls_as_fast_as_a_vessel_sails_along_it() -> None:
+def test_the_way_that_is_left_falls_to_nothing_along_it() -> None:
     env = VectorEnv(settings("channel", "basin"), 8, 2, auto_reset=False)
+    env.reset()
+    land, state, every = env.state.land, env.state, np.arange(8)
+    assert land is not None
+    whole = land.rest[..., 0]
+    assert (state.way_left <= whole + 1e-3).all()
+    for point in range(WAY_POINTS):
+        state.position[:] = land.way[..., point]
+        for _ in range(2):
+            state.take_aim(every)
+        # The points of a way are some metres apart: what is shown may cut, or add, one such piece.
+        piece = whole / (WAY_POINTS - 1)
+        assert (state.way_left <= land.rest[..., point] + 0.5 * piece).all()
+    assert np.allclose(state.way_left, 0.0, atol=1e-3)
+
+
+def test_a_vessel_behind_a_wall_is_not_shown_its_goal_through_it() -> None:
+    env = VectorEnv(settings("channel"), 1, 0, auto_reset=False)
     env.reset()
     land, state = env.state.land, env.state
     assert land is not None
-    before = state.way_left
-    for point in range(1, WAY_POINTS, 2):
-        state.position[:] = land.way[..., point]
-        state.take_aim()
-        left = state.way_left
-        assert (left <= before + 0.5).all()  # a short cut may begin with a step aside
-        before = left
-    assert (before < 1.5).all()
+    land.way[0, 0] = np.linspace(0.0, 60.0, WAY_POINTS)
+    land.rest[0, 0] = np.linspace(60.0, 0.0, WAY_POINTS)
+    wall = np.array([[30.0 - 50.0j], [30.0 + 50.0j]])
+    one = harbour_of(harbour_settings(("channel",), 3, (5.0, 2.5), land.settings), 0, 0)
+    walled = one._replace(
+        start=wall[0].astype(np.complex64),
+        end=wall[1].astype(np.complex64),
+        fence=np.zeros(1, bool),
+        way=land.way[0].copy(),
+        rest=land.rest[0].copy(),
+    )
+    land.begin(np.array([0]), [walled], np.full((1, 4, 16), 0.99))
+    state.position[:] = 5.0 + 3.0j
+    state.take_aim(np.array([0]))
+    assert 20.0 < land.shown[0, 0].real < 30.0
+    assert land.beyond[0, 0] == pytest.approx(60.0 - land.shown[0, 0].real, abs=1e-3)
 
 
 def test_open_water_has_no_edges_and_its_episodes_are_the_same_as_without_a_contour() -> None:
