@@ -18,8 +18,15 @@ from typing import Final
 import numpy as np
 
 from twinscrew.runtime.geometry import rotation_2d, wrap
-from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Odometry
+from twinscrew.runtime.messages.types import (
+    NANOSECONDS_PER_SECOND,
+    Float64,
+    HealthEvent,
+    Odometry,
+    Station,
+)
 from twinscrew.runtime.policy.observation import levelled_twist
+from twinscrew.runtime.safety.events import STATION_HEADING
 from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.safety.prediction import (
     AssuranceVessel,
@@ -27,7 +34,16 @@ from twinscrew.runtime.safety.prediction import (
     Foresight,
     Motion,
 )
+from twinscrew.runtime.settings import Fraction, Settings
 from twinscrew.runtime.vessel_description import VesselDescription
+
+
+class StationSettings(Settings, frozen=True):
+    """How a place is held."""
+
+    speed_share: Fraction = 0.4
+    """[-] The vessel goes back to its place at no more than this share of its top speed."""
+
 
 TURN_SHARE: Final = 1.0
 """[-] Share of the greatest moment that turns the boat where it points 1 rad wrong."""
@@ -42,6 +58,10 @@ WEAK: Final = 0.01
 point; far weaker ones do not turn it."""
 LEARN_S: Final = 4.0
 """[s] Time constant with which wind and current are learnt: near one of the waves' periods."""
+HEADING_DEG: Final = 10.0
+"""[deg] A heading that is off by less is held."""
+HEADING_AFTER_S: Final = 3.0 * LEARN_S
+"""[s] Before that nobody knows yet whether it can be."""
 ASTERN_LENGTHS: Final = 2.0
 """[-] Farther than this from its place a boat turns to it, and does not go astern."""
 SLACK_LENGTHS: Final = 0.06
@@ -67,17 +87,22 @@ class Gains:
 
 
 class Keeper:
-    """Holds a place, and says what wind and current do.
+    """Holds a place; it learns meanwhile what wind and current do.
 
     Parameters
     ----------
+    settings
+        How.
     vessel
         The hull.
     limits
         What its propellers may give.
     """
 
-    def __init__(self, vessel: VesselDescription, limits: ThrustLimits) -> None:
+    def __init__(
+        self, settings: StationSettings, vessel: VesselDescription, limits: ThrustLimits
+    ) -> None:
+        self.settings = settings
         self.limits = limits
         self.vessel = vessel
         self.gains = Gains.of(vessel, limits)
@@ -98,11 +123,48 @@ class Keeper:
         """Forget where the bow was to point; what wind and current do is remembered."""
         self._observer.pause()
         self._bow: float | None = None
+        self._rests = 0.0
         self._astern = False
         self._moment = 0.0
         self._last_ns: int | None = None
+        self._kept_s = 0.0
+        self._told: bool | None = None
 
     def step(
+        self, odometry: Odometry, given: Float64, station: Station
+    ) -> tuple[Float64, tuple[HealthEvent, ...]]:
+        """Give the thrust, (2,) [N] left and right, and what there is to report.
+
+        Parameters
+        ----------
+        odometry
+            The vessel's state now.
+        given : (2,) float64
+            What the propellers gave since the last step [N].
+        station
+            Where to stay.
+        """
+        speed_mps = self.settings.speed_share * self.vessel.top_speed_mps
+        thrust = self.steer(
+            odometry, given, station.position_N, station.heading, speed_mps=speed_mps
+        )
+        return thrust, self._report(odometry.stamp_ns, station)
+
+    def _report(self, stamp_ns: int, station: Station) -> tuple[HealthEvent, ...]:
+        """Say once if the heading that was asked for cannot be held."""
+        if station.heading is None or self._kept_s < HEADING_AFTER_S:
+            return ()
+        off = abs(float(wrap(self._rests - station.heading)))
+        held = off < math.radians(HEADING_DEG) * (1.0 if self._told is not True else 0.5)
+        if held or self._told:
+            self._told = None if held else self._told
+            return ()
+        self._told = True
+        asked, rests = math.degrees(station.heading), math.degrees(self._rests)
+        words = f"asked {asked % 360.0:.0f} deg, it lies at about {rests % 360.0:.0f} deg"
+        return (STATION_HEADING.at(stamp_ns, words),)
+
+    def steer(
         self,
         odometry: Odometry,
         given: Float64,
@@ -130,6 +192,7 @@ class Keeper:
             [m/s] How fast the place itself moves; none: it does not.
         """
         since_s = self._since_last(odometry.stamp_ns)
+        self._kept_s += since_s
         motion = Motion(*levelled_twist(odometry).tolist())
         psi = odometry.heading
         push_L = self._observer.step(
@@ -215,6 +278,7 @@ class Keeper:
         way = -1.0 if self._astern else 1.0
         rests = weak * asked - way * push_N  # where it points when it lies still at its place
         rests *= weak / max(float(np.hypot(*rests)), 1e-9)
+        self._rests = math.atan2(rests[1], rests[0])
         strength = float(np.hypot(*force_N))
         wanted = way * strength / (strength + 4.0 * weak) * force_N + rests
         return math.atan2(wanted[1], wanted[0])
