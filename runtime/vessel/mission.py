@@ -153,7 +153,9 @@ class Mission:
             return self._station
         else:
             kept = self._goals[-1] if stays and self.arrived and self._goals else None
-        return kept and Station(stamp_ns=kept.stamp_ns, position_N=kept.position_N)
+        if kept is None:
+            return None
+        return Station(stamp_ns=kept.stamp_ns, position_N=kept.position_N)
 
     def _stay(self, odometry: Odometry, place: Station) -> HealthEvent | None:
         """Note whether the place can be kept from here, and say when it is held, or left."""
