@@ -243,10 +243,11 @@ def evaluate(
     if current is not None:
         environment = in_current(environment, current / units.speed)
     if harbours is not None:
-        kinds = get_args(Kind) if harbours == "all" else tuple(harbours.split(","))
-        for kind in kinds:
-            if kind not in get_args(Kind):
-                raise ConfigError(one_of(kind, (*get_args(Kind), "all")), key="--harbours")
+        known: tuple[Kind, ...] = get_args(Kind)
+        named = known if harbours == "all" else harbours.split(",")
+        for word in set(named) - set(known):
+            raise ConfigError(one_of(word, (*known, "all")), key="--harbours")
+        kinds = tuple(kind for kind in known if kind in named)
         if every or on is not None or traffic is not None:
             raise ConfigError("harbours are scored alone", key="--harbours")
         environment = in_fresh_harbours(environment, seed)
@@ -281,8 +282,8 @@ def evaluate(
             _print_table(rows, results, "" if level is None else f"risk {level}")
         records = [result.record() for result in results]
         if harbours is not None:
-            named = zip(kinds, results, strict=True)
-            records = [{"harbour": kind} | one.record(land=True) for kind, one in named]
+            rows_of = zip(kinds, results, strict=True)
+            records = [{"harbour": kind} | one.record(land=True) for kind, one in rows_of]
         curve[level] = {"settings": records} if every or harbours is not None else records[0]
     if as_json:
         print(json.dumps(curve[risk] if risks is None else {"risks": curve}))

@@ -299,7 +299,7 @@ class VectorEnv:
             hulls = draw_hulls(conditions, self.settings.vessel, beginning.chance)
             self.state.take_hulls(slots, hulls)
         if conditions.currents:
-            elapsed_s = self.state.decisions * self.settings.period_s
+            elapsed_s = self.state.decisions.astype(np.float64) * self.settings.period_s
             self.state.take_field(slots, beginning.field, elapsed_s)
         if self.state.land is not None:
             harbours = self._upcoming.harbours_of(beginning.scenario)

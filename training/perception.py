@@ -345,8 +345,8 @@ class Perception:
         """See what is around the observers, (E, V), as things are now; `bins` are the noise's."""
         s, heading = self.sight, np.exp(1j * state.heading)
         seen = Observations.empty(state.shape, s.most, extended=s.extended, contour=s.contour)
-        shown, beyond = state.aim
-        goal_B = (shown - state.position) * heading.conj()
+        aim, beyond = state.aim
+        goal_B = (aim - state.position) * heading.conj()
         ego = seen.ego
         ego[..., 0], ego[..., 1] = goal_B.real, goal_B.imag
         ego[..., 2:5] = state.nu.transpose(1, 2, 0)

@@ -344,7 +344,8 @@ class State:
     @property
     def half(self) -> Float64:
         """[m] (E, V, 2) Half of length and beam of the hulls, rectangles of the default's shape."""
-        return self.radius[..., None] * self._half_share
+        half: Float64 = self.radius[..., None] * self._half_share
+        return half
 
     @property
     def aim(self) -> tuple[Points, Float64]:
@@ -429,7 +430,8 @@ FIELD_COLUMNS = 12
 def current_field(columns: Float64) -> CurrentField:
     """Give currents of rows of numbers, (..., 12)."""
     mean, centre, vortex = columns[..., :2], columns[..., 2:4], columns[..., None, 8:]
-    return CurrentField(mean, centre, *np.moveaxis(columns[..., 4:8], -1, 0), vortex)
+    shear, width, period, phase = np.moveaxis(columns[..., 4:8], -1, 0)
+    return CurrentField(mean, centre, shear, width, period, phase, vortex)
 
 
 def field_columns(field: CurrentField) -> Float64:

@@ -14,7 +14,6 @@ kernel, `sector_distances`, for all vessels of all episodes at once.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +24,6 @@ SECTORS = 32
 """[-] Directions that a policy is shown."""
 CONTOUR_RANGE_M = 40.0
 """[m] Edges farther away than this are not told apart, in the hull's own units: 8 lengths."""
-
-Real = TypeVar("Real", np.float32, np.float64)
 
 
 def contour_of(
@@ -69,7 +66,7 @@ def contour_of(
     ends = (np.asarray(edges, np.float64) - np.asarray(place, np.float64)[:2]).reshape(-1, 2)
     levelled = (ends[:, 0] + 1j * ends[:, 1]) * np.exp(-1j * heading)
     distances = sector_distances(levelled[0::2], levelled[1::2], range_m, sectors)
-    return distances.min(axis=0).astype(np.float32)
+    return np.asarray(distances.min(axis=0), np.float32)
 
 
 def sector_distances(
@@ -113,7 +110,7 @@ def sector_distances(
     which = sector_of(nearest, sectors)
     rows = np.arange(len(nearest))
     distances[rows, which] = np.minimum(distances[rows, which], np.abs(nearest))
-    return distances
+    return np.asarray(distances)
 
 
 def nearest_point(
@@ -131,7 +128,7 @@ def nearest_point(
 def sector_of(point: NDArray[np.complexfloating], sectors: int) -> NDArray[np.intp]:
     """Give the number of the sector in which each point, forward + i starboard, lies."""
     turns = np.arctan2(point.imag, point.real) * (sectors / (2 * np.pi))
-    return np.rint(turns).astype(np.intp) % sectors
+    return np.asarray(np.rint(turns).astype(np.intp) % sectors)
 
 
 @lru_cache(maxsize=8)

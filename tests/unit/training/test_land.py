@@ -257,17 +257,17 @@ def test_who_acts_beside_edges_leaves_open_water_alone(agents: tuple[Any, Any]) 
     old, _ = agents
     other = make_agent(agents[1].settings, 7)
     level = torch.full((1, 1), 0.5)
-    both = Beside(old.average_actor, other.average_actor)
+    both = Beside(old.networks["average_actor"], other.networks["average_actor"])
     rows = observed().flatten(0, 1)
     seen = unpack(rows)
     nothing = seen._replace(contour=torch.full_like(seen.contour, CONTOUR_RANGE_M))
     with torch.no_grad():
         open_water = with_risk(other.see(nothing), level)
-        assert torch.equal(both(open_water), old.average_actor(open_water))
+        assert torch.equal(both(open_water), old.networks["average_actor"](open_water))
         near = with_risk(other.see(seen), level)
         beside = near.near[:, 0] == 1.0
         assert beside.any()
-        assert torch.allclose(both(near)[beside], other.average_actor(near)[beside])
+        assert torch.allclose(both(near)[beside], other.networks["average_actor"](near)[beside])
 
 
 @pytest.mark.slow
