@@ -33,7 +33,9 @@ SIGHT_SHARE = 0.8
 MOST_ROOM_M = 5.0
 """[m] of which more than this does not count: one hull length."""
 WAY_POINTS = 24
-"""[-] Points along a way."""
+"""[-] Points along a way,"""
+BACK, FORTH = 3, 8
+"""[-] of which so many before, and behind, the last one that was shown are looked for first."""
 NOWHERE = 1e6
 """[m] Where edges lie that are not there."""
 
@@ -188,35 +190,45 @@ class Land:
             self.end = np.pad(self.end, pad, constant_values=NOWHERE)
             self.fence = np.pad(self.fence, pad)
 
-    def follow(self, slots: Index, position: Points, goal: Points) -> None:
+    def follow(self, slots: Index, position: Points, goal: Points, active: Mask) -> None:
         """Choose the goals that are shown in some slots, from places and goals (E, V).
 
         That is the farthest point of a vessel's way to which a straight line keeps nearly the
         clearance that the way has, at most `look_ahead_m` beyond the nearest such point; where no
         line does, the nearest point with no edge before it; and where there is none, the last one
-        stays. It is looked for at every other decision.
+        stays. It is looked for at every other decision, near the last one first.
         """
         self.shown[slots], self.beyond[slots] = goal[slots], 0.0
         slots = slots[self.there[slots]]
+        if not slots.size:
+            return
         looking = slots[self._decisions[slots] % 2 == 0]
+        n, v = np.nonzero(active[looking])
+        e = looking[n]
+        near = self.at[e, v][:, None] + np.arange(-BACK, FORTH + 1)
+        found = self._look(e, v, position[e, v], np.clip(near, 0, WAY_POINTS - 1))
+        found &= self._decisions[e] > 0
+        e, v = e[~found], v[~found]
+        every = np.broadcast_to(np.arange(WAY_POINTS), (len(e), WAY_POINTS))
+        self._look(e, v, position[e, v], every)
         self._decisions[slots] += 1
-        if looking.size:
-            self._look(looking, position[looking])
-        if slots.size:
-            at = self.at[slots][..., None]
-            there = np.take_along_axis(self.way[slots], at, axis=-1)[..., 0]
-            self.shown[slots] = np.where(at[..., 0] == WAY_POINTS - 1, goal[slots], there)
-            self.beyond[slots] = np.take_along_axis(self.rest[slots], at, axis=-1)[..., 0]
+        at = self.at[slots][..., None]
+        there = np.take_along_axis(self.way[slots], at, axis=-1)[..., 0]
+        self.shown[slots] = np.where(at[..., 0] == WAY_POINTS - 1, goal[slots], there)
+        self.beyond[slots] = np.take_along_axis(self.rest[slots], at, axis=-1)[..., 0]
 
-    def _look(self, e: Index, position: Points) -> None:
-        """Find the farthest points in sight of the vessels at places (n, V) [m]."""
-        place = position.astype(np.complex64)[..., None]
-        off = self.way[e] - place
+    def _look(self, e: Index, v: Index, position: Points, points: Index) -> Mask:
+        """Look for the farthest of some points of their ways, (r, C), for r vessels at places.
+
+        Tells for which of them there was one with room enough.
+        """
+        place = position.astype(np.complex64)[:, None]
+        off = np.take_along_axis(self.way[e, v], points, axis=-1) - place
         clear = wide = np.ones(off.shape, bool)
         if self.start.shape[1]:
-            start, end = self.start[e][:, None] - place, self.end[e][:, None] - place
+            start, end = self.start[e] - place, self.end[e] - place
             own_m = np.abs(nearest_point(start, end)).min(axis=-1)
-            start, way = start[..., None, :], (end - start)[..., None, :]
+            start, way = start[:, None], (end - start)[:, None]
             x, y = off.real[..., None], off.imag[..., None]
             # The sight crosses an edge if each has the other's ends on both of its sides.
             turn = x * way.imag - y * way.real
@@ -226,16 +238,18 @@ class Land:
             clear = ~crossed.any(axis=-1)
             square = np.maximum(x * x + y * y, 1e-6)
             along = np.clip((x * start.real + y * start.imag) / square, 0.0, 1.0)
-            apart = np.hypot(start.real - along * x, start.imag - along * y).min(axis=-1)
-            room_m = SIGHT_SHARE * np.minimum(self.room_m[e], own_m)
-            wide = clear & (apart >= room_m[..., None])
-        far, points = np.abs(off), np.arange(WAY_POINTS)
-        near = np.where(wide, far, np.inf).argmin(axis=-1)
-        ahead = points <= (near + self.most[e])[..., None]
-        target = np.where(wide & ahead, points, -1).max(axis=-1)
-        nearest = np.where(clear, far, np.inf).argmin(axis=-1)
-        otherwise = np.where(clear.any(axis=-1), nearest, self.at[e])
-        self.at[e] = np.where(target < 0, otherwise, target)
+            aside, beside = start.real - along * x, start.imag - along * y
+            apart = np.sqrt((aside * aside + beside * beside).min(axis=-1))
+            room_m = SIGHT_SHARE * np.minimum(self.room_m[e, v], own_m)
+            wide = clear & (apart >= room_m[:, None])
+        far, rows = np.abs(off), np.arange(len(e))
+        near = points[rows, np.where(wide, far, np.inf).argmin(axis=-1)]
+        ahead = points <= (near + self.most[e, v])[:, None]
+        target = np.where(wide & ahead, points, -1).max(axis=-1, initial=-1)
+        nearest = points[rows, np.where(clear, far, np.inf).argmin(axis=-1)]
+        otherwise = np.where(clear.any(axis=-1), nearest, self.at[e, v])
+        self.at[e, v] = np.where(target < 0, otherwise, target)
+        return np.asarray(target >= 0)
 
     def contours(self, position: Points, heading: Float64, observers: Mask) -> Float32:
         """Give what each observer, (E, V), is shown of the edges, (E, V, SECTORS) [m]."""
