@@ -43,7 +43,7 @@ def experiment(
     methods: Annotated[
         str | None,
         typer.Option(
-            help="Names with commas: apf, mpc, random, a shipped policy, or NAME=FILE.onnx."
+            help="Names with commas: apf, mpc, orca, random, a shipped policy, or NAME=FILE.onnx."
         ),
     ] = None,
     sets: Annotated[

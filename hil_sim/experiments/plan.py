@@ -24,7 +24,7 @@ from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.supervisor import SupervisorSettings
 from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, as_vrx
 from twinscrew.runtime.errors import ConfigError, PolicyError, one_of
-from twinscrew.runtime.policy.load import load_policy
+from twinscrew.runtime.policy.load import PLANNERS, load_policy
 from twinscrew.runtime.settings import CONFIG_DIR, Count, Settings, load, shipped
 from twinscrew.runtime.vessel_description import VesselDescription, load_vessel
 
@@ -187,7 +187,7 @@ def supervision(switches: Switches) -> SupervisorSettings:
 
 # -- What an experiment consists of: methods, sets, episodes, variants; and each episode's seed.
 
-CLASSICAL = ("apf", "mpc")
+CLASSICAL = PLANNERS
 CHANCE = chance.NAME
 
 
@@ -197,7 +197,7 @@ class Method(Settings, frozen=True, kw_only=True):
     name: str
     """What tables call it."""
     policy: str
-    """`apf`, `mpc`, `random`, the name of a shipped policy, or an ONNX file."""
+    """`apf`, `mpc`, `orca`, `random`, the name of a shipped policy, or an ONNX file."""
     sha256: str
     """Of the policy's file, or of the baseline's settings: what was tested."""
 
