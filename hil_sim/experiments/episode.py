@@ -350,7 +350,7 @@ def sail_episode(task: Task, folder: Path | None = None) -> Sailed:
     """
     begin_s = time.perf_counter()
     try:
-        scenario = eased(task.set.draw(task.seed), task.switches)
+        scenario = eased(task.set.draw(task.seed, task.episode), task.switches)
         world = _world(scenario, task)
         crew = _crew(world, task, folder)
         voyage = _sail(world, crew, task)

@@ -38,6 +38,8 @@ class SetSettings(Settings, frozen=True, kw_only=True):
     """What tables call it."""
     scenario: str = "random"
     """A name in config/scenarios, SERIES:CASE (`hil_sim.scenario.SERIES`), or a file."""
+    cases: tuple[str, ...] = ()
+    """Scenarios that the episodes sail in turn, instead of that one."""
     vessels: Vessels | None = None
     """[-] None: the scenario says it."""
     buoys: Buoys | None = None
@@ -45,9 +47,10 @@ class SetSettings(Settings, frozen=True, kw_only=True):
     types: tuple[str, ...] = ()
     """What sails, in turn: names in config/vessels, or files; none: the scenario says it."""
 
-    def draw(self, seed: int) -> Scenario:
+    def draw(self, seed: int, episode: int = 0) -> Scenario:
         """Give an episode's beginning; a `ConfigError` if there can be none."""
-        return load_scenario(self.scenario, self.vessels, self.buoys, seed, self.types)
+        scenario = self.cases[episode % len(self.cases)] if self.cases else self.scenario
+        return load_scenario(scenario, self.vessels, self.buoys, seed, self.types)
 
 
 class SetsFile(Settings, frozen=True, kw_only=True):

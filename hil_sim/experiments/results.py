@@ -520,7 +520,7 @@ def write_beginnings(folder: Path, experiment: Experiment) -> None:
 
 
 def _beginning(experiment: Experiment, one: SetSettings, episode: int) -> Beginning:
-    scenario: Scenario = one.draw(episode_seed(experiment.seed, one.name, episode))
+    scenario: Scenario = one.draw(episode_seed(experiment.seed, one.name, episode), episode)
     return Beginning(
         starts=_rows(scenario.starts), goals=_rows(scenario.goals), buoys=_rows(scenario.buoys)
     )

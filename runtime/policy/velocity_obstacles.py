@@ -2,8 +2,8 @@
 
 Every object forbids velocities that would lead into it within a horizon. As in optimal reciprocal
 collision avoidance (ORCA), the boundary nearest to the present velocity becomes a half-plane of
-allowed ones, and the allowed velocity nearest to the wanted one is found exactly. Two things differ,
-since others at sea run other software: the boat takes the whole of an evasion, not half of it, and
+allowed ones, and the allowed velocity nearest to the wanted one is found exactly. Others at sea run
+other software, so two things differ: the boat takes the whole of an evasion, not half of it, and
 the rules say on which side it evades. A head-on or crossing vessel from starboard is left to port;
 for a vessel that has to give way itself the boat stands on until there is little time left.
 
@@ -56,7 +56,7 @@ class OrcaSettings(PlannerSettings, frozen=True, kw_only=True):
     objects: Count = 8
     """[-] How many objects it is shown, nearest first."""
     arrival_s: Positive = 4.0
-    """[s] Near the goal it wants what is left of the way in this time, so that it does not circle."""
+    """[s] Near the goal it wants what is left of the way in this time: it does not circle."""
     speed_share: Positive = 0.7
     """[-] Of the top speed that it wants on the way: the rest is left to evade with."""
     speed_weight: NonNegative = 0.3
@@ -86,13 +86,12 @@ class OrcaPolicy(Planner):
         settings = self.settings
         wanted = safe_velocity(observation, settings)
         after = self._simulate(observation, steps=1, step_s=settings.look_s)
-        angle, speed = alignment(after.pose[0, :, 2], after.velocity[0], wanted)
         size = math.hypot(*wanted)
         if size < settings.slow_mps:
-            cost: Float64 = np.hypot(*(after.velocity[0] - wanted).T)
-            return cost
-        cost = angle + settings.speed_weight * np.abs(speed - size)
-        return cost
+            off: Float64 = after.velocity[0] - wanted
+            return np.hypot(off[:, 0], off[:, 1])
+        angle, speed = alignment(after.pose[0, :, 2], after.velocity[0], wanted)
+        return angle + settings.speed_weight * np.abs(speed - size)
 
 
 def safe_velocity(observation: Observation, settings: OrcaSettings) -> Float64:
@@ -169,7 +168,7 @@ def _wrapped(angle: float) -> float:
 
 
 def time_to(p: Float64, v: Float64, reach: float) -> float:
-    """Give when a place p (2,) [m] is within `reach` [m] of who goes at v (2,) [m/s]; inf: never."""
+    """Give when p (2,) [m] is within `reach` [m] of who goes at v (2,) [m/s]; inf: never."""
     a, b, c = float(v @ v), float(p @ v), float(p @ p) - reach**2
     if c <= 0.0:
         return 0.0
@@ -227,7 +226,7 @@ def _turned(v: Float64, angle: float) -> Float64:
 def nearest_allowed(
     wanted: Float64, normals: Float64, offsets: Float64, top_speed: float
 ) -> Float64:
-    """Give the velocity, (2,), nearest to `wanted` with normals @ v >= offsets and |v| <= top_speed.
+    """Give the v, (2,), nearest to `wanted` where normals @ v >= offsets and |v| <= top_speed.
 
     Where there is none, the half-planes are all moved by the least distance that leaves one.
     """
@@ -253,7 +252,8 @@ def _nearest(
     It is the wanted velocity, or its foot on an edge, or a corner of two edges; the disc of the top
     speed is one more edge.
     """
-    candidates = [wanted[None], wanted[None] * min(1.0, top_speed / max(math.hypot(*wanted), 1e-9))]
+    slower = min(1.0, top_speed / max(math.hypot(*wanted), 1e-9))
+    candidates = [wanted[None], slower * wanted[None]]
     if len(normals):
         candidates.append(wanted + normals * (offsets - normals @ wanted)[:, None])
         candidates += [_on_circle(normals, offsets, top_speed), _corners(normals, offsets)]
