@@ -75,7 +75,7 @@ def test_traffic_is_drawn_as_evaluate_draws_it() -> None:
 
 @pytest.mark.parametrize("name", ["imazu:0", "imazu:23", "imazu:one", "dnv:56", "traffic:none"])
 def test_a_meeting_that_there_is_not_is_refused_by_name(name) -> None:
-    with pytest.raises(ConfigError, match="imazu:0|imazu:23|imazu:one|dnv:56|none"):
+    with pytest.raises(ConfigError, match=r"imazu:0|imazu:23|imazu:one|dnv:56|none"):
         load_scenario(name)
 
 
