@@ -48,7 +48,7 @@ def sitl(
     ] = None,
     seed: Annotated[int, typer.Option(help="What everything random is drawn from.", min=0)] = 0,
     policy: Annotated[
-        str, typer.Option(help="apf, mpc, orca, a name in config/policies, or an ONNX file.")
+        str, typer.Option(help="apf, mpc, orca, sbmpc, a name in config/policies, or an ONNX file.")
     ] = "ac_iqn",
     trial: Annotated[
         str,

@@ -20,7 +20,7 @@ from twinscrew.runtime.vessel_description import VesselDescription, load_vessel
 
 SLOWEST = 4.0
 """[-] A planner looks at most so much farther ahead for a hull that answers more slowly."""
-PLANNERS = ("apf", "mpc", "orca")
+PLANNERS = ("apf", "mpc", "orca", "sbmpc")
 """Policies that are no files: they look ahead with the vessel's own model."""
 
 
@@ -122,7 +122,7 @@ def load_policy(
     Parameters
     ----------
     spec
-        ``apf``, ``mpc``, ``orca``, the name of a shipped policy, or an ONNX file.
+        ``apf``, ``mpc``, ``orca``, ``sbmpc``, the name of a shipped policy, or an ONNX file.
     expect
         What the vessel needs a policy file to have been made for.
     risk
@@ -178,6 +178,14 @@ def _planner(name: str, vessel: VesselDescription) -> Policy:
         sides = load(path, OrcaSettings)
         look_s = slower * sides.look_s
         policy = OrcaPolicy(replace(sides, vessel=model, own_radius_m=radius, look_s=look_s))
+    elif name == "sbmpc":
+        from twinscrew.runtime.policy.scenario_mpc import ScenarioMpcPolicy, ScenarioMpcSettings
+
+        far = load(path, ScenarioMpcSettings)
+        look_s = slower * far.look_s
+        rate = far.turn_rate_radps / slower
+        far = replace(far, vessel=model, own_radius_m=radius, look_s=look_s, turn_rate_radps=rate)
+        policy = ScenarioMpcPolicy(replace(far, slowing_mps2=far.slowing_mps2 / slower))
     else:
         horizon = load(path, MpcSettings)
         step_s = slower * horizon.step_s

@@ -19,6 +19,7 @@ Eng. 39 (1).
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from typing import Literal
 
 import numpy as np
@@ -36,23 +37,15 @@ TIGHT = 1e-9
 """[m/s] What lies outside a half-plane by less lies on its edge."""
 
 
-class OrcaSettings(PlannerSettings, frozen=True, kw_only=True):
-    """Horizons, margins and sides."""
+class VelocitySettings(PlannerSettings, frozen=True, kw_only=True):
+    """How a planner that wants a velocity has it followed, and how the rules see others."""
 
-    horizon_s: Positive = 10.0
-    """[s] A vessel that would be met within this forbids velocities,"""
-    static_horizon_s: Positive = 4.0
-    """[s] and so does what stands still."""
-    clearance_m: NonNegative = 2.0
-    """[m] Kept between surfaces: what the hull lacks in following a velocity is in it."""
-    stand_on_s: Positive = 8.0
-    """[s] A boat that is to stand on acts when contact is nearer in time than this."""
-    escape_s: Positive = 2.0
-    """[s] In which it wants to be out of a clearance that it is already within."""
     nearly_rad: Positive = math.radians(22.5)
     """[rad] Courses are "nearly reciprocal", others "nearly ahead", within this (rule 14)."""
     abaft_rad: Positive = math.radians(112.5)
     """[rad] From the bow: 22.5 degrees abaft the beam (rule 13)."""
+    stand_on_s: Positive = 8.0
+    """[s] A boat that is to stand on acts when contact is nearer in time than this."""
     objects: Count = 8
     """[-] How many objects it is shown, nearest first."""
     arrival_s: Positive = 4.0
@@ -67,24 +60,24 @@ class OrcaSettings(PlannerSettings, frozen=True, kw_only=True):
     """[s] The velocity is compared so long after the decision."""
 
 
-class OrcaPolicy(Planner):
-    """Velocity obstacles with rule sides."""
+class VelocityPlanner(Planner):
+    """A planner that says which velocity it wants; the hull follows it as far as it can."""
 
-    name = "orca"
-
-    def __init__(self, settings: OrcaSettings | None = None) -> None:
-        self.settings = settings or OrcaSettings()
-        super().__init__(self.settings)
+    settings: VelocitySettings
 
     @property
     def shown(self) -> Shown:
         """What the planner takes."""
         return Shown(objects=self.settings.objects)
 
+    @abstractmethod
+    def velocity(self, observation: Observation) -> Float64:
+        """Give the velocity wanted now, (2,) [m/s], frame B."""
+
     def costs(self, observation: Observation) -> Float64:
         """Give the difference between the velocity `look_s` later and the one wanted, (25,)."""
         settings = self.settings
-        wanted = safe_velocity(observation, settings)
+        wanted = self.velocity(observation)
         after = self._simulate(observation, steps=1, step_s=settings.look_s)
         size = math.hypot(*wanted)
         if size < settings.slow_mps:
@@ -94,12 +87,45 @@ class OrcaPolicy(Planner):
         return angle + settings.speed_weight * np.abs(speed - size)
 
 
-def safe_velocity(observation: Observation, settings: OrcaSettings) -> Float64:
-    """Give the allowed velocity nearest to the one towards the goal, (2,) [m/s], frame B."""
+def towards_goal(observation: Observation, settings: VelocitySettings) -> Float64:
+    """Give the velocity to the goal with nothing in the way, (2,) [m/s], frame B."""
     goal = observation.ego[:2].astype(np.float64)
     top = settings.speed_share * settings.vessel.top_speed
     far = math.hypot(*goal)
-    wanted = goal / max(far, 1e-9) * min(far / settings.arrival_s, top)
+    velocity: Float64 = goal / max(far, 1e-9) * min(far / settings.arrival_s, top)
+    return velocity
+
+
+class OrcaSettings(VelocitySettings, frozen=True, kw_only=True):
+    """Horizons and margins."""
+
+    horizon_s: Positive = 10.0
+    """[s] A vessel that would be met within this forbids velocities,"""
+    static_horizon_s: Positive = 4.0
+    """[s] and so does what stands still."""
+    clearance_m: NonNegative = 2.0
+    """[m] Kept between surfaces: what the hull lacks in following a velocity is in it."""
+    escape_s: Positive = 2.0
+    """[s] In which it wants to be out of a clearance that it is already within."""
+
+
+class OrcaPolicy(VelocityPlanner):
+    """Velocity obstacles with rule sides."""
+
+    name = "orca"
+
+    def __init__(self, settings: OrcaSettings | None = None) -> None:
+        self.settings: OrcaSettings = settings or OrcaSettings()
+        super().__init__(self.settings)
+
+    def velocity(self, observation: Observation) -> Float64:
+        """Give the velocity wanted now, (2,) [m/s], frame B."""
+        return safe_velocity(observation, self.settings)
+
+
+def safe_velocity(observation: Observation, settings: OrcaSettings) -> Float64:
+    """Give the allowed velocity nearest to the one towards the goal, (2,) [m/s], frame B."""
+    wanted = towards_goal(observation, settings)
     normals, offsets = half_planes(observation, wanted, settings)
     return nearest_allowed(wanted, normals, offsets, settings.vessel.top_speed)
 
@@ -138,7 +164,7 @@ def half_planes(
     return normals, np.array([offset for _, offset in rows])
 
 
-def role_of(p: Float64, v_other: Float64, course: Float64, settings: OrcaSettings) -> Role:
+def role_of(p: Float64, v_other: Float64, course: Float64, settings: VelocitySettings) -> Role:
     """Say what the rules ask of the boat towards a moving vessel.
 
     Parameters

@@ -35,6 +35,7 @@ READERS = {
     "policies/apf.toml": lambda path: load_policy("apf"),
     "policies/mpc.toml": lambda path: load_policy("mpc"),
     "policies/orca.toml": lambda path: load_policy("orca"),
+    "policies/sbmpc.toml": lambda path: load_policy("sbmpc"),
     "meetings/dnv.toml": lambda path: dnv_situations(),
     "experiments/*": load_sets,
     "faults/*": load_plan,
