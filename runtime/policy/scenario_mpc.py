@@ -86,7 +86,7 @@ class ScenarioMpcPolicy(VelocityPlanner):
         best = int(np.argmin(candidate_costs(observation, wanted, self.settings)))
         angle = math.atan2(wanted[1], wanted[0]) + turn[best]
         size = share[best] * math.hypot(*wanted)
-        return size * np.array([math.cos(angle), math.sin(angle)])
+        return np.array([size * math.cos(angle), size * math.sin(angle)])
 
 
 def candidates(settings: ScenarioMpcSettings) -> tuple[Float64, Float64]:
