@@ -178,10 +178,12 @@ class Shore:
         to_y = self._corners[..., 1:] - y[:, None, :, 0]
         t = np.clip((to_x * dx + to_y * dy) / np.maximum(dx * dx + dy * dy, 1e-12), 0.0, 1.0)
         gaps = np.minimum(gaps, np.hypot(to_x - t * dx, to_y - t * dy).min(axis=(1, 2)))
-        for vessel in np.flatnonzero(gaps < 0.5 * float(self._halves.min())).tolist():
+        # What lies across a rectangle, and leaves its corners free, crosses one of its diagonals.
+        for vessel in np.flatnonzero(gaps < np.hypot(*self._halves.T)).tolist():
             cos, sin = float(c[vessel, 0]), float(s[vessel, 0])
             corners = self._corners[vessel] @ np.array([[cos, sin], [-sin, cos]])
-            if self._region.forbidden(position_N[vessel] + corners).any():
+            fore, starboard, aft, port = position_N[vessel] + corners
+            if self._region.blocks(fore, aft) or self._region.blocks(starboard, port):
                 gaps[vessel] = -gaps[vessel]
         return np.asarray(gaps)
 

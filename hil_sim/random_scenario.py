@@ -118,7 +118,7 @@ class _Shores:
     def distance_m(self, places_N: Float64) -> Float64:
         """Give how far places, (n, 2), are from the nearest shore, (n,) [m]; 0 on it."""
         quays = from_quays(places_N, self._quays).min(axis=1, initial=np.inf)
-        return np.minimum(quays, self._fixed.distance_m(places_N))
+        return np.asarray(np.minimum(quays, self._fixed.distance_m(places_N)))
 
 
 def _draw_vessels(

@@ -353,7 +353,7 @@ def _grounds(
         region = StaticMap.of(features, safety_depth_m=draught)
         rows = np.flatnonzero(np.array(draughts) == draught)
         if not region.is_empty:
-            grounds.append((rows, Shore(region, [vessels[row] for row in rows])))
+            grounds.append((rows, Shore(region, [vessels[row] for row in rows.tolist()])))
     return grounds
 
 
