@@ -667,6 +667,66 @@ def _charted(file: ScenarioFile) -> tuple[Feature, ...]:
     return tuple(found)
 
 
+AROUND_M = 2000.0
+"""[m] What an inclusion fence forbids is given to the vessels as far as this around the map."""
+
+
+def as_chart(scenario: Scenario) -> dict[str, Any]:
+    """Give a scenario's chart as the table `[chart]` of a vessel's configuration.
+
+    Circles are polygons there; what lies outside of an inclusion fence is a keep-out area with the
+    fence as its hole.
+    """
+    quays = [{"outline_m": _plain(corners_of(box)), "name": "quay"} for box in scenario.quays]
+    land = [{"outline_m": _plain(each.outline), "name": each.name} for each in scenario.land]
+    found: dict[str, Any] = {"land": [*land, *quays], "keep_out": [], "depth": [], "hazard": []}
+    for feature in scenario.charted:
+        if feature.kind == "hazard" and isinstance(feature, Disc):
+            north, east = feature.centre
+            found["hazard"].append(
+                {
+                    "north_m": north,
+                    "east_m": east,
+                    "radius_m": feature.radius_m,
+                    "name": feature.name,
+                }
+            )
+            continue
+        outline = _plain(_outline(feature))
+        if feature.kind == "depth" and isinstance(feature, Area):
+            row = {"outline_m": outline, "depth_m": feature.depth_m, "name": feature.name}
+            found["depth"].append(row)
+        elif feature.keep_in:
+            far = corners_of(
+                np.array(
+                    [
+                        *(0.5 * np.array(scenario.map_size)),
+                        *(np.array(scenario.map_size) + 2.0 * AROUND_M),
+                        0.0,
+                        0.0,
+                    ]
+                )
+            )
+            name = feature.name or "fence"
+            found["keep_out"].append({"outline_m": _plain(far), "holes_m": [outline], "name": name})
+        else:
+            found["keep_out"].append({"outline_m": outline, "name": feature.name})
+    return found
+
+
+def _outline(feature: Feature) -> Float64:
+    """Give a feature's polygon: of a forbidden circle around it, of an inclusion fence within."""
+    if isinstance(feature, Area):
+        return feature.outline
+    turn = np.arange(32) * (2.0 * np.pi / 32)
+    radius = feature.radius_m / (1.0 if feature.keep_in else math.cos(np.pi / 32))
+    return np.asarray(feature.centre + radius * np.column_stack([np.cos(turn), np.sin(turn)]))
+
+
+def _plain(ring: Float64) -> list[list[float]]:
+    return [[float(north), float(east)] for north, east in ring]
+
+
 def land_areas(land: Sequence[Land]) -> list[Area]:
     """Give land as a chart has it."""
     return [Area(kind="land", outline=each.outline, name=each.name) for each in land]

@@ -28,6 +28,7 @@ from twinscrew.hil_sim.experiments.plan import (
     Switches,
     Task,
     calmed,
+    chart_of,
     dynamics,
     eased,
     label,
@@ -392,6 +393,7 @@ def _config(task: Task, scenario: Scenario, vessel: int, folder: Path | None) ->
         policy=CLASSICAL[0] if by_chance else task.method.policy,  # `_pipeline` replaces it
         assurance=unassured(task.switches),
         envelope={"enabled": False},  # methods are compared, not what the boat does outside it
+        chart=chart_of(task.switches, scenario),
         mission={"goal_radius_m": scenario.goal_radius},
         perception=expecting(scenario.types),
         autopilot={"system_id": vessel + 1, "arm": True, "receiver_fitted": False},

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import msgspec
 import numpy as np
@@ -19,7 +19,7 @@ from msgspec import Meta, structs
 
 from twinscrew.hil_sim.experiments import chance
 from twinscrew.hil_sim.random_scenario import Buoys, Vessels
-from twinscrew.hil_sim.scenario import Scenario, load_scenario
+from twinscrew.hil_sim.scenario import Scenario, as_chart, load_scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.supervisor import SupervisorSettings
 from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, as_vrx
@@ -100,6 +100,7 @@ ABLATIONS = {
     "no_wind": "no wind",
     "no_waves": "flat water",
     "no_assurance": "the policy's thrust goes to the propellers unchecked, as in the paper",
+    "no_chart": "the vessels have no chart: of land they know what their sensors see",
     "ideal_thrust": "commands reach the propellers as they are, not as the autopilot's pulses",
     "training_vessel": "mass, inertia, drag and thrusters of the training environment",
     "as_vrx": "VRX's own physics: wind coefficients along the world's axes, steps of 50 ms",
@@ -181,6 +182,11 @@ def eased(scenario: Scenario, switches: Switches) -> Scenario:
 def unassured(switches: Switches) -> dict[str, bool]:
     """Let the policy's commands pass unchecked: what the assurance's table then says."""
     return {"enabled": False} if "no_assurance" in switches else {}
+
+
+def chart_of(switches: Switches, scenario: Scenario) -> dict[str, Any]:
+    """Give the chart that a scenario's vessels have: their configuration's table `[chart]`."""
+    return {"from_scenario": False} if "no_chart" in switches else as_chart(scenario)
 
 
 def supervision(switches: Switches) -> SupervisorSettings:
