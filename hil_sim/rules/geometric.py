@@ -45,7 +45,7 @@ class GeometricSettings(Settings, frozen=True, kw_only=True):
 
     sight: Positive = 12.0
     """[lengths] Farther off nobody is met."""
-    risk_gap: Positive = 0.5
+    risk_gap: Positive = 1.0
     """[lengths] Who would pass nearer than this, outline to outline, is in risk of collision,"""
     risk_s: Positive = 20.0
     """[s] if it is to happen within this time."""

@@ -38,7 +38,7 @@ class TemporalSettings(Settings, frozen=True, kw_only=True):
 
     in_sight: Positive = 12.0
     """[lengths] Rule 11: vessels in sight of one another."""
-    too_near: Positive = 0.5
+    too_near: Positive = 1.0
     """[lengths] Rule 7: a predicted distance between hulls below this is a risk of collision."""
     ahead_s: Positive = 20.0
     """[s] Rule 7: what is to happen later is no risk yet."""
