@@ -13,7 +13,7 @@ one has ended. In it the vessel kept
 - rule 13 (overtaking: it comes up from more than 22.5 degrees abaft the other's beam, and faster):
   if it stayed clear of the other;
 - rule 14 (head-on: courses nearly reciprocal, each nearly ahead of the other): if the other passed
-  on its port side;
+  on its port side, and it did not turn to port before;
 - rule 15 (the other crosses from starboard): if it did not cross ahead and stayed clear;
 - rule 17 (the other crosses from port, or overtakes): if it kept course and speed until the other
   had plainly not given way, and did not then turn to port for a vessel on its port side;
@@ -282,7 +282,11 @@ def _fault(two: _Two, meeting: _Meeting, nearest: int, s: GeometricSettings) -> 
     if meeting.role == "head_on":
         course = _course(two.v[nearest, 0], two.heading[nearest, 0])
         there = two.p[nearest, 1] - two.p[nearest, 0]
-        return "" if passed_to_port(there, course) else "the other passed to starboard"
+        if not passed_to_port(there, course):
+            return "the other passed to starboard"
+        turned, _ = _deviation(two, meeting, *_kept(two, meeting))
+        port = float(turned[: nearest - meeting.begin + 1].min())
+        return f"it turned {-math.degrees(port):.0f} deg to port" if port < -s.keeps_course else ""
     if meeting.role == "give_way":
         moving = np.isfinite(v).all(axis=(1, 2))
         if moving.any() and crossed_ahead(p[moving, 0], p[moving, 1], v[moving, 1]):

@@ -47,7 +47,9 @@ class VelocitySettings(PlannerSettings, frozen=True, kw_only=True):
     stand_on_s: Positive = 8.0
     """[s] A boat that is to stand on acts when contact is nearer in time than this."""
     objects: Count = 8
-    """[-] How many objects it is shown, nearest first."""
+    """[-] How many objects it is shown, nearest first,"""
+    range_m: Positive = 60.0
+    """[m] and how far."""
     arrival_s: Positive = 4.0
     """[s] Near the goal it wants what is left of the way in this time: it does not circle."""
     speed_share: Positive = 0.7
@@ -68,7 +70,7 @@ class VelocityPlanner(Planner):
     @property
     def shown(self) -> Shown:
         """What the planner takes."""
-        return Shown(objects=self.settings.objects)
+        return Shown(objects=self.settings.objects, range_m=self.settings.range_m)
 
     @abstractmethod
     def velocity(self, observation: Observation) -> Float64:
