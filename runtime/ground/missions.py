@@ -12,6 +12,8 @@ from twinscrew.runtime.ground.orders import (
     DEGREES_PER_UNIT,
     LOCAL,
     METRES_PER_UNIT,
+    NO_WAITING,
+    NOT_SAILED,
     ON_EARTH,
     Fault,
     FollowRoute,
@@ -52,9 +54,9 @@ class Item:
     def place(self, frames: GoalFrames) -> Float64 | Fault:
         """Give where it is, (2,) [m] [N], or why it cannot be sailed."""
         if self.command != WAYPOINT:
-            return Fault.COMMAND
+            return NOT_SAILED
         if self.params[0] > 0.0:
-            return Fault.HOLD
+            return NO_WAITING
         return frames.place_of_integers(self.frame, self.x, self.y)
 
     def message(self, station: tuple[int, int], seq: int, *, current: bool) -> Message:

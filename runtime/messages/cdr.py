@@ -18,6 +18,7 @@ from twinscrew.runtime.messages.marine import (
     encode_sentence,
 )
 from twinscrew.runtime.messages.navigation import (
+    decode_chart,
     decode_clock,
     decode_enable,
     decode_engagement,
@@ -28,6 +29,7 @@ from twinscrew.runtime.messages.navigation import (
     decode_odometry,
     decode_path,
     decode_thrust,
+    encode_chart,
     encode_clock,
     encode_enable,
     encode_engagement,
@@ -55,6 +57,7 @@ from twinscrew.runtime.messages.visual import (
 __all__ = [
     "Shape",
     "Transform",
+    "decode_chart",
     "decode_clock",
     "decode_decision",
     "decode_diagnostics",
@@ -71,6 +74,7 @@ __all__ = [
     "decode_radar_scan",
     "decode_sentence",
     "decode_thrust",
+    "encode_chart",
     "encode_clock",
     "encode_decision",
     "encode_detections",

@@ -138,6 +138,38 @@ class Fallback:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ChartFeature:
+    """Something fixed: an area, or a circle."""
+
+    kind: str
+    """"land", "keep_out", "depth", "hazard" or "fence"."""
+    keep_in: bool
+    """True for an inclusion fence: it is forbidden outside."""
+    depth_m: float
+    """[m] The least depth of water, for "depth"; negative where it dries, -inf: not known."""
+    radius_m: float
+    """[m] Of a circle; 0 for an area."""
+    name: str
+    """What people call it."""
+    outline_N: Float64
+    """[m] [N] (M, 2) Vertices, or the circle's centre alone."""
+    holes_N: tuple[Float64, ...] = ()
+    """[m] [N] each (M, 2)"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chart:
+    """What is fixed around the boat, all of it."""
+
+    stamp_ns: int
+    """[ns] When it changed."""
+    safety_depth_m: float
+    """[m] Water of less depth is forbidden."""
+    features: tuple[ChartFeature, ...]
+    """In the order in which they came."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Strips:
     """What single rows of beams see of the objects without a break, from end to end.
 

@@ -13,6 +13,7 @@ from msgspec import Meta
 from msgspec.structs import replace
 
 from twinscrew.runtime.bus.zenoh import ZenohSettings
+from twinscrew.runtime.charts.chart import ChartSettings
 from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.estimation.estimator import EstimationSettings
@@ -92,6 +93,7 @@ class RuntimeConfig(Settings, frozen=True):
     estimation: EstimationSettings = EstimationSettings()
     bus: ZenohSettings = ZenohSettings()
     autopilot: AutopilotSettings = AutopilotSettings()
+    chart: ChartSettings = ChartSettings()
     ground: GroundSettings = GroundSettings()
     priority: PrioritySettings = PrioritySettings()
     recording: RecordingSettings = RecordingSettings()
@@ -110,6 +112,8 @@ class RuntimeConfig(Settings, frozen=True):
             raise ValueError("ground.vessels_hz needs autopilot.datum: vessels lie on the earth")
         if self.senses.ais is not None and datum_of(self) is None:
             raise ValueError("senses.ais needs a datum: [senses.ais], [autopilot] or [estimation]")
+        if self.chart.file and datum_of(self) is None:
+            raise ValueError("chart.file needs [autopilot.datum]: it lies on the earth")
         if self.senses.nmea.connections and "nmea" not in sense_topics(self.senses):
             raise ValueError("senses.nmea.connections needs [senses.ais] or [senses.ttm]")
 

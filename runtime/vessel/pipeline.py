@@ -11,6 +11,7 @@ from typing import Final, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
+from twinscrew.runtime.charts.static_map import StaticMap
 from twinscrew.runtime.errors import PolicyError, TwinscrewError
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
@@ -163,6 +164,8 @@ class Pipeline:
         self.trial = policy if isinstance(policy, Trial) else None
         """Manoeuvres in the policy's place, if any; then goals do not count."""
         self._orders_before_trial = mission.orders
+        self.chart = StaticMap.empty()
+        """What is fixed around the boat; whoever takes it in replaces it."""
         self._observation = observation or ObservationSettings()
         self._schedule = DecisionSchedule(policy.period_s)
         life = tracker.settings.life
