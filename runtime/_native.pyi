@@ -94,6 +94,8 @@ class Kernel:
         merge_along: float,
         footprint: FootprintRule,
         least_points: int,
+        full_range: float,
+        far_points: int,
         longest: float,
         piece: float,
         strip_gap: float,

@@ -26,6 +26,7 @@ from twinscrew.runtime.messages.types import (
     Observation,
     Odometry,
     PointCloud,
+    Station,
     Tracks,
 )
 from twinscrew.runtime.perception.segmentation import Perception
@@ -53,6 +54,7 @@ from twinscrew.runtime.tracking.lidar import SensorView
 from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig, senses_of, sensor_of, tracking_of
 from twinscrew.runtime.vessel.mission import Mission
+from twinscrew.runtime.vessel.station import Keeper
 from twinscrew.runtime.vessel.trial import Trial
 from twinscrew.runtime.vessel_description import load_vessel
 
@@ -160,6 +162,7 @@ class Pipeline:
         alarms: Alarms | None = None,
         guidance: Guidance | None = None,
         learnt: LearntMap | None = None,
+        keeper: Keeper | None = None,
     ) -> None:
         self.senses = Senses(senses or {}, tracker, alarms or Alarms())
         self.perception = perception
@@ -172,6 +175,8 @@ class Pipeline:
         """Manoeuvres in the policy's place, if any; then goals do not count."""
         self._orders_before_trial = mission.orders
         self._chart = StaticMap.empty()
+        self.keeper = keeper
+        """Holds places; None: at a place that is to be held the propellers rest."""
         self._observation = observation or ObservationSettings()
         self._schedule = DecisionSchedule(policy.period_s)
         life = tracker.settings.life
@@ -184,7 +189,8 @@ class Pipeline:
         """The way to the goal around what is fixed."""
         self.learnt = learnt
         """What the LiDAR has learnt of walls and free water; None: it does not."""
-        self._held_N: Float64 | None = None
+        self._held: Station | None = None
+        """The place to hold, as no way leads to the goal."""
         self._sequence = 0
         self._rate: Float64 = NEUTRAL
         self._thrust: Float64 = NEUTRAL
@@ -230,8 +236,11 @@ class Pipeline:
         self._learn(cloud.stamp_ns, odometry)
         idle = self.stopped or not engaged or blind is not None or self.is_settling
         goal, told = self._guide(odometry, idle=idle)
+        station = self.mission.station or self._held
         if self.trial is not None:
             observation, failed, overridden = self._try(self.trial, odometry, tracks, idle=idle)
+        elif self.keeper is not None and station is not None and not idle:
+            observation, failed, overridden = self._keep(self.keeper, odometry, station, tracks)
         elif goal is None or idle:
             observation, failed, overridden = self._stop()
         else:
@@ -256,10 +265,10 @@ class Pipeline:
 
     @property
     def has_task(self) -> bool:
-        """Whether there is something to do: a goal that is not reached, or a trial."""
+        """Whether there is something to do: a goal that is not reached, a place, or a trial."""
         if self.trial is not None:
             return not self.trial.over or self.trial.braking
-        return self.mission.target is not None
+        return self.mission.target is not None or self.mission.station is not None
 
     @property
     def knows_surroundings(self) -> bool:
@@ -325,7 +334,7 @@ class Pipeline:
         """
         goal = self.mission.target
         if goal is None or idle or self.trial is not None:
-            self._held_N = None
+            self._held = None
             if (goal is None or self.trial is not None) and self.guidance.route is not None:
                 self.guidance.reset()
             return goal, None
@@ -337,21 +346,20 @@ class Pipeline:
         told = ROUTE_FOUND.at(stamp_ns, aim.news) if aim.news else None
         if aim.trouble:
             told = ROUTE_MISSING.at(stamp_ns, aim.trouble)
+        if aim.place_N is None:
+            held = self._held or Station(stamp_ns=stamp_ns, position_N=place_N.copy())
+            self._held = held
+            return None, told
+        self._held = None
         if aim.place_N is goal.position_N:
-            self._held_N = None
             return goal, told
-        if aim.place_N is not None:
-            self._held_N = None
-            return replace(goal, position_N=aim.place_N), told
-        if self._held_N is None:
-            self._held_N = place_N.copy()
-        off_m = float(np.hypot(*(self._held_N - place_N)))
-        back = off_m > self.mission.radius_m
-        return (replace(goal, position_N=self._held_N) if back else None), told
+        return replace(goal, position_N=aim.place_N), told
 
     def _drive(self, odometry: Odometry, goal: Goal, tracks: Tracks) -> Driven:
         """Ask the policy if a decision is due, and let the assurance check every thrust."""
         before, observation = self._thrust, None
+        if self.keeper is not None:
+            self.keeper.reset()
         if self._schedule.is_due(odometry.stamp_ns):
             observation = observe(
                 odometry, goal, tracks, before, self._observation, self.policy.shown
@@ -362,6 +370,30 @@ class Pipeline:
                 self._stop()
                 return Driven(observation, POLICY_ERROR.at(odometry.stamp_ns, str(error)))
             self._thrust = self.guard.limits.clip(before + self._rate * self.policy.period_s)
+        self._slow_down(odometry)
+        if self.assurance is None:
+            return Driven(observation)
+        self._thrust, overridden = self.assurance.step(
+            odometry, tracks, before, self._thrust, decided=observation is not None
+        )
+        return Driven(observation, None, overridden)
+
+    def _keep(self, keeper: Keeper, odometry: Odometry, station: Station, tracks: Tracks) -> Driven:
+        """Hold a place; the assurance checks every thrust, as it does a policy's."""
+        before = self._thrust
+        self._rate = NEUTRAL
+        self._schedule.restart()
+        self._thrust, events = keeper.step(odometry, before, station)
+        self._slow_down(odometry)
+        if self.assurance is None:
+            return Driven(overridden=events)
+        self._thrust, overridden = self.assurance.step(
+            odometry, tracks, before, self._thrust, decided=True
+        )
+        return Driven(overridden=(*events, *overridden))
+
+    def _slow_down(self, odometry: Odometry) -> None:
+        """Drive no faster ahead than the speed limit, if there is one."""
         if self.speed_limit is not None:
             limited = slowed(
                 self._thrust,
@@ -370,12 +402,6 @@ class Pipeline:
                 self.speed_limit.gain_nspm,
             )
             self._thrust = self.guard.limits.clip(limited)
-        if self.assurance is None:
-            return Driven(observation)
-        self._thrust, overridden = self.assurance.step(
-            odometry, tracks, before, self._thrust, decided=observation is not None
-        )
-        return Driven(observation, None, overridden)
 
     def _try(self, trial: Trial, odometry: Odometry, tracks: Tracks, *, idle: bool) -> Driven:
         """Sail a trial's manoeuvre; the assurance checks every thrust, as it does a policy's.
@@ -405,6 +431,8 @@ class Pipeline:
     def _stop(self) -> Driven:
         self._rate = self._thrust = NEUTRAL
         self._schedule.restart()
+        if self.keeper is not None:
+            self.keeper.reset()
         if self.assurance is not None:
             self.assurance.reset()
         return Driven()
@@ -428,7 +456,8 @@ def make_pipeline(
     sensor = sensor_of(config)
     return Pipeline(
         perception=perception or Perception(sensor, config.perception),
-        tracker=tracker or Tracker(tracking_of(config), SensorView.of(sensor)),
+        tracker=tracker
+        or Tracker(tracking_of(config), SensorView.of(sensor, config.perception.max_range_m)),
         policy=policy or _policy_of(config),
         mission=Mission(config.mission),
         guard=Guard(config.thrust),
@@ -438,6 +467,7 @@ def make_pipeline(
         alarms=Alarms(config.alarms),
         guidance=Guidance(config.route, config.observation.goal_range_m),
         learnt=LearntMap(config.learnt) if config.learnt.enabled else None,
+        keeper=Keeper(config.station, load_vessel(config.vessel), config.thrust),
     )
 
 

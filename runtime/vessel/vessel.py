@@ -11,7 +11,7 @@ import math
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from msgspec import structs
@@ -44,11 +44,13 @@ from twinscrew.runtime.messages.types import (
     Goal,
     HealthEvent,
     Odometry,
+    Station,
 )
 from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.envelope import (
     MOVING_MPS,
+    TRAFFIC_M,
     Envelope,
     EnvelopeSettings,
     Response,
@@ -88,13 +90,14 @@ FAULT_HOLD_S = 1.0
 
 
 class _Order(NamedTuple):
-    """A goal or a route as it came."""
+    """A goal, a route or a place to hold, as it came."""
 
+    kind: Literal["goal", "route", "hold"]
     stamp_ns: int
     places: Float64
-    """[m] (K, 2) y and x in its frame: north and east if that is the frame of positions."""
+    """[m] (K, 2) y and x in its frame: north and east if that is the frame of positions. Of a place
+    to hold with a heading a second one: a metre ahead of the first."""
     frame_ids: tuple[str, ...]
-    is_route: bool
 
 
 class Vessel:
@@ -179,6 +182,7 @@ class Vessel:
             "odometry": self._odometry,
             "goal": self._goal,
             "route": self._route,
+            "hold": self._hold,
             "engagement": self._engagement,
             "fallback": self._fallback,
             "chart": self._chart,
@@ -318,7 +322,14 @@ class Vessel:
         goal_N = None if goal is None else goal.position_N
         acts = self.engaged and not self._inputs_too_old and self._now_s >= self._held_until_s
         try:
-            said = explain(decision, odometry, goal_N, engaged=acts, assurance=self._manoeuvre)
+            said = explain(
+                decision,
+                odometry,
+                goal_N,
+                engaged=acts,
+                assurance=self._manoeuvre,
+                holding=self.pipeline.mission.station is not None,
+            )
             if self.envelope.response is not Response.NONE:
                 words = self.envelope.words
                 return replace(said, sentence=f"{words[:1].upper()}{words[1:]}. {said.sentence}")
@@ -421,15 +432,22 @@ class Vessel:
     def _goal(self, taken: Taken, out: Outputs, now_s: float) -> None:
         goal = cdr.decode_goal(taken.payload)
         places = goal.position_N[None, :]
-        self._order(_Order(goal.stamp_ns, places, (goal.frame_id,), is_route=False), out, now_s)
+        self._order(_Order("goal", goal.stamp_ns, places, (goal.frame_id,)), out, now_s)
 
     def _route(self, taken: Taken, out: Outputs, now_s: float) -> None:
         path = cdr.decode_path(taken.payload)
-        order = _Order(path.stamp_ns, path.places_N, path.frame_ids, is_route=True)
-        self._order(order, out, now_s)
+        self._order(_Order("route", path.stamp_ns, path.places_N, path.frame_ids), out, now_s)
+
+    def _hold(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        station = cdr.decode_station(taken.payload)
+        places = station.position_N[None, :]
+        if station.heading is not None:
+            ahead = np.array([math.cos(station.heading), math.sin(station.heading)])
+            places = np.vstack([places, places[0] + ahead])
+        self._order(_Order("hold", station.stamp_ns, places, (station.frame_id,)), out, now_s)
 
     def _order(self, order: _Order, out: Outputs, now_s: float) -> None:
-        """Take a goal or a route, in whatever frame; one that cannot be placed is refused.
+        """Take an order, in whatever frame; one that cannot be placed is refused.
 
         Before the first odometry nobody knows what the frame of positions is called: the order is
         taken as one in it, and looked at again when that is known.
@@ -450,8 +468,10 @@ class Vessel:
             self._tell(out, now_s, GOAL_FORBIDDEN.at(self.stamp_ns, f"not taken: {why}"))
             return
         stamp_ns = order.stamp_ns or self.stamp_ns
-        if order.is_route:
+        if order.kind == "route":
             self._tell(out, now_s, mission.set_route(places_N, stamp_ns))
+        elif order.kind == "hold":
+            self._tell(out, now_s, mission.set_station(_station(places_N, stamp_ns)))
         else:
             goal = Goal(stamp_ns=stamp_ns, position_N=places_N[0])
             self._tell(out, now_s, mission.set_goal(goal))
@@ -588,9 +608,11 @@ class Vessel:
             known["wave_height_m"], known["motion_deg"] = self._sea.step(odometry)
             speed_mps = math.hypot(*odometry.velocity_B[:2].tolist())
             known["speed_share"] = speed_mps / self._slow.top_mps
-        if decision is not None and not self._inputs_too_old:
+        if odometry is not None and decision is not None and not self._inputs_too_old:
+            away_N = decision.tracks.p_N - odometry.position_N[:2]
             moving = np.hypot(*decision.tracks.v_N.T) > MOVING_MPS
-            known["traffic"] = float(moving.sum())
+            near = np.hypot(*away_N.T) <= TRAFFIC_M + decision.tracks.radius
+            known["traffic"] = float((moving & near).sum())
             known |= self._seen(now_s)
         return known
 
@@ -665,6 +687,14 @@ class Vessel:
             has_goal=self.pipeline.has_task or self.pipeline.mission.holds,
             warned=self.health.warned(now_s) or self.envelope.response is not Response.NONE,
         )
+
+
+def _station(places_N: Float64, stamp_ns: int) -> Station:
+    heading = None
+    if len(places_N) > 1:
+        north, east = (places_N[1] - places_N[0]).tolist()
+        heading = math.atan2(east, north)
+    return Station(stamp_ns=stamp_ns, position_N=places_N[0], heading=heading)
 
 
 def make_vessel(

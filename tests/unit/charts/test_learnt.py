@@ -1,4 +1,4 @@
-"""What the LiDAR has learnt: quays where they are, nothing of ships, in a memory that is bounded."""
+"""What the LiDAR has learnt: quays where they are, no ships, and a memory that does not grow."""
 
 import math
 

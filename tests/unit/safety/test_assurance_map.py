@@ -116,9 +116,9 @@ def test_a_wall_is_met_where_a_row_of_small_circles_would_be() -> None:
 
 def test_who_is_where_it_is_forbidden_may_go_out_but_not_farther_in() -> None:
     wall = replace(circles(), shores_L=WALL, shore_margin_m=0.5, shore_horizon_s=4.0)
-    inside = straight(1.0) + [12.0, 0.0, 0.0]
-    out = straight(-1.0) + [12.0, 0.0, 0.0]
-    still = straight(0.0) + [12.0, 0.0, 0.0]
+    inside = straight(1.0) + np.array([12.0, 0.0, 0.0])
+    out = straight(-1.0) + np.array([12.0, 0.0, 0.0])
+    still = straight(0.0) + np.array([12.0, 0.0, 0.0])
     assert contact(out, wall).excess < contact(still, wall).excess < contact(inside, wall).excess
     assert contact(out[:15], wall).excess == 0.0
 
