@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -76,7 +76,7 @@ class RouteSettings(Settings, frozen=True, kw_only=True):
             raise ValueError("clearance_m must be greater than least_clearance_m")
 
 
-def settings_for(vessel: VesselDescription) -> dict[str, float]:
+def settings_for(vessel: VesselDescription) -> dict[str, Any]:
     """Give what of the settings follows from a hull."""
     return {
         "least_clearance_m": _least_m(vessel),
@@ -437,8 +437,9 @@ class Guidance:
         done_m, _ = self._nearest(place_N)
         own_m = router.clearance(place_N, place_N)
         least_m = settings.least_clearance_m
+        corner: Float64 = self._legs[self._at_leg, 1]
         if own_m < least_m and self._clear_m[self._at_leg] < least_m:
-            return self._legs[self._at_leg, 1]  # out of where it is too near
+            return corner  # out of where it is too near
         last_m = min(done_m + self.reach_m, float(self._along_m[-1]))
         corners = self._along_m[(self._along_m > done_m) & (self._along_m < last_m)]
         samples = np.linspace(last_m, done_m, SAMPLES, endpoint=False)
@@ -455,9 +456,10 @@ class Guidance:
     def _place(self, leg: int, along_m: float) -> Float64:
         """Give the place on a leg that is so far along the route."""
         begin, end = self._along_m[leg], self._along_m[leg + 1]
-        if along_m >= end:
-            return self._legs[leg, 1]
-        share = (along_m - begin) / (end - begin)
+        share = min((along_m - begin) / max(end - begin, 1e-9), 1.0)
+        if share >= 1.0:
+            last: Float64 = self._legs[leg, 1]
+            return last
         place: Float64 = self._legs[leg, 0] + share * (self._legs[leg, 1] - self._legs[leg, 0])
         return place
 
