@@ -169,6 +169,7 @@ class Assurance:
         }
         way_m = horizon * vessel.top_speed_mps(self.limits.max_n)
         self._reach_m = way_m + vessel.extent_m + self.settings.margin_m
+        self._shore_reach_m = way_m + vessel.close_extent_m + self.settings.shore_margin_m
         self._map = self._land = StaticMap.empty()
         self.reset()
 
@@ -287,7 +288,7 @@ class Assurance:
         """Give what of the map's boundary could be met within the horizon."""
         if self._map.is_empty:
             return NO_SHORES
-        return self._map.near(odometry.position_N[:2], self._reach_m)
+        return self._map.near(odometry.position_N[:2], self._shore_reach_m)
 
     def _since_last(self, stamp_ns: int) -> float:
         """Give the time [s] since the last check: at least 0, at most a second."""

@@ -73,7 +73,12 @@ class AssuranceVessel(Settings, frozen=True):
     @property
     def extent_m(self) -> float:
         """[m] No part of the hull is farther from the origin."""
-        return max(abs(ahead) + radius for ahead, radius in (*self.hull, *self.close_hull))
+        return max(abs(ahead) + radius for ahead, radius in self.hull)
+
+    @property
+    def close_extent_m(self) -> float:
+        """[m] The same of the circles that cover it closely."""
+        return max(abs(ahead) + radius for ahead, radius in self.close_hull)
 
     def top_speed_mps(self, thrust_n: float) -> float:
         """[m/s] Straight ahead with this thrust of each propeller [N]: drag equals thrust."""
