@@ -11,6 +11,7 @@ import math
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -58,6 +59,7 @@ from twinscrew.runtime.safety.envelope import (
 from twinscrew.runtime.safety.events import (
     BAD_MESSAGE,
     CHART_CHANGED,
+    FENCES_REFUSED,
     GOAL_FORBIDDEN,
     GOAL_FRAME,
     INTERNAL_ERROR,
@@ -127,6 +129,8 @@ class Vessel:
         How fast "slow" is.
     chart
         What is fixed around the boat; None: nothing is known.
+    follows_fences
+        Whether the fences that the autopilot holds count.
     """
 
     def __init__(
@@ -144,6 +148,7 @@ class Vessel:
         envelope: Envelope | None = None,
         slow: SpeedLimit | None = None,
         chart: StaticMap | None = None,
+        follows_fences: bool = True,
     ) -> None:
         self.pipeline = pipeline
         self.link = link
@@ -160,7 +165,10 @@ class Vessel:
         self._charted = chart or StaticMap.empty()
         self._next_chart = None if self._charted.is_empty else self._charted
         self._fences: dict[str, tuple[Feature, ...]] = {}
+        self._follows_fences = follows_fences
         self._is_forbidden = False
+        if link.stations is not None:
+            link.stations.server.fence.honour = partial(self.fence, "station")
         self._alignment = alignment
         self._estimator = estimator
         self._ground = GroundService(
@@ -254,6 +262,11 @@ class Vessel:
                 if stamp_ns is not None:
                     aligned = replace(odometry, stamp_ns=stamp_ns)
                     self._own_odometry(aligned, out, now_s)
+        fences = self.link.take_fences()
+        if fences is not None and self._follows_fences:
+            words = fences if isinstance(fences, str) else self.fence("autopilot", fences)
+            if words:
+                self._tell(out, now_s, FENCES_REFUSED.at(self.stamp_ns, words))
         for age_s, text in self.link.take_ais():
             if "nmea" in self._handlers and self.inputs.latest_ns:
                 stamp_ns = self.inputs.latest_ns - round(age_s * NANOSECONDS_PER_SECOND)
@@ -702,6 +715,7 @@ def make_vessel(
         envelope=Envelope(config.envelope),
         slow=slow_of(config),
         chart=chart,
+        follows_fences=config.chart.autopilot_fences,
     )
 
 
