@@ -53,8 +53,14 @@ NO_DATUM = Fault(
     mavlink.MAV_MISSION_UNSUPPORTED_FRAME,
     "latitude and longitude need autopilot.datum in the boat's configuration",
 )
-NOT_SAILED = Fault(mavlink.MAV_MISSION_UNSUPPORTED, "only MAV_CMD_NAV_WAYPOINT can be sailed")
-NO_WAITING = Fault(mavlink.MAV_MISSION_INVALID_PARAM1, "a boat cannot wait at a waypoint (param 1)")
+NOT_SAILED = Fault(
+    mavlink.MAV_MISSION_UNSUPPORTED,
+    "only MAV_CMD_NAV_WAYPOINT and MAV_CMD_NAV_LOITER_UNLIM can be sailed",
+)
+NO_WAITING = Fault(
+    mavlink.MAV_MISSION_INVALID_PARAM1,
+    "a boat does not wait at a waypoint (param 1): MAV_CMD_NAV_LOITER_UNLIM holds a place",
+)
 BAD_X = Fault(mavlink.MAV_MISSION_INVALID_PARAM5_X, "its latitude or north is not a place")
 BAD_Y = Fault(mavlink.MAV_MISSION_INVALID_PARAM6_Y, "its longitude or east is not a place")
 TOO_FAR = Fault(mavlink.MAV_MISSION_INVALID_PARAM5_X, "it is farther away than goals may be")
@@ -161,6 +167,10 @@ class GoTo:
     x_m: float
     y_m: float
     relative: Relative = Relative.ORIGIN
+    holds: bool = False
+    """Whether the vessel is to stay there."""
+    heading: float | None = None
+    """[rad] [N] Where its bow is to point while it stays; None: into wind and current."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,6 +180,10 @@ class Waypoint:
     seq: int
     north_m: float
     east_m: float
+    holds: bool = False
+    """Whether the vessel is to stay there; what comes after it is not sailed."""
+    heading: float | None = None
+    """[rad] [N] Where its bow is to point while it stays; None: into wind and current."""
 
 
 @dataclass(frozen=True, slots=True)

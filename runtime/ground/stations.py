@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -93,6 +94,7 @@ class StationCommands:
         self._frames = frames
         self._handlers: dict[int, Callable[[Message], int]] = {
             mavlink.MAV_CMD_DO_REPOSITION: self._reposition,
+            mavlink.MAV_CMD_NAV_LOITER_UNLIM: self._hold_here,
             mavlink.MAV_CMD_MISSION_START: self._start,
             mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: self._start,
             mavlink.MAV_CMD_DO_PAUSE_CONTINUE: self._pause,
@@ -120,7 +122,19 @@ class StationCommands:
         if isinstance(order, str):
             self._server.complaints.append(order)
             return DENIED
+        yaw = message.param4
+        if math.isfinite(yaw) and yaw != 0.0:  # a yaw of 0 is what stations send that mean none
+            if abs(yaw) > 2.0 * math.pi + 1e-3:
+                self._server.complaints.append("goal refused: the yaw is in radians, up to 2 pi")
+                return DENIED
+            order = replace(order, holds=True, heading=yaw)
         self._server.orders.append(order)
+        return ACCEPTED
+
+    def _hold_here(self, message: Message) -> int:
+        """Stay where the vessel is: what ArduPilot's LOITER mode does."""
+        station = message.get_srcSystem()
+        self._server.orders.append(GoTo(station, 0.0, 0.0, Relative.VESSEL, holds=True))
         return ACCEPTED
 
     def _start(self, message: Message) -> int:

@@ -28,6 +28,7 @@ from twinscrew.runtime.messages.navigation import (
     decode_imu,
     decode_odometry,
     decode_path,
+    decode_station,
     decode_thrust,
     encode_chart,
     encode_clock,
@@ -39,6 +40,7 @@ from twinscrew.runtime.messages.navigation import (
     encode_imu,
     encode_odometry,
     encode_path,
+    encode_station,
     encode_thrust,
 )
 from twinscrew.runtime.messages.point_cloud import decode_point_cloud, encode_point_cloud
@@ -73,6 +75,7 @@ __all__ = [
     "decode_point_cloud",
     "decode_radar_scan",
     "decode_sentence",
+    "decode_station",
     "decode_thrust",
     "encode_chart",
     "encode_clock",
@@ -93,6 +96,7 @@ __all__ = [
     "encode_radar_scan",
     "encode_sentence",
     "encode_shapes",
+    "encode_station",
     "encode_thrust",
     "encode_track_markers",
     "encode_transforms",

@@ -16,7 +16,9 @@ from twinscrew.runtime.geometry import (
     attitude_enu_flu_to_ned_frd,
     attitude_ned_frd_to_enu_flu,
     enu_to_ned,
+    euler_from_quaternion,
     flu_to_frd,
+    quaternion_from_euler,
 )
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
@@ -29,6 +31,7 @@ from twinscrew.runtime.messages.types import (
     Goal,
     Imu,
     Odometry,
+    Station,
 )
 from twinscrew.runtime.messages.wire import (
     FLAG,
@@ -204,6 +207,46 @@ def encode_goal(goal: Goal, *, frame_id: str | None = None) -> bytes:
     )
     north, east = goal.position_N.tolist()
     writer.values("7d", 8, east, north, 0.0, 0.0, 0.0, 0.0, 1.0)
+    return writer.payload()
+
+
+def decode_station(payload: bytes | memoryview) -> Station:
+    """Read a geometry_msgs/PoseStamped: where to stay, and where the bow is to point.
+
+    Of the attitude only the yaw counts. A quaternion of four zeros, which is no attitude, asks for
+    none: the bow then points into wind and current.
+
+    Raises
+    ------
+    MessageError
+        Not such a message, a number is not finite or absurd, or the quaternion is neither four
+        zeros nor a unit quaternion.
+    """
+    reader = Reader(payload, GOAL_TYPE)
+    stamp_ns, frame_id = read_header(reader)
+    x, y, _, qx, qy, qz, qw = reader.values("7d", 8)
+    reader.end()
+    check_numbers(reader, (x, y, qx, qy, qz, qw))
+    heading = None
+    if any((qx, qy, qz, qw)):
+        heading = euler_from_quaternion(attitude_enu_flu_to_ned_frd(unit(reader, qw, qx, qy, qz)))[
+            2
+        ]
+    return Station(
+        stamp_ns=stamp_ns, position_N=np.array((y, x)), heading=heading, frame_id=frame_id
+    )
+
+
+def encode_station(station: Station) -> bytes:
+    """Write a geometry_msgs/PoseStamped in ENU; no heading becomes a quaternion of four zeros."""
+    writer = Writer()
+    write_header(writer, station.stamp_ns, station.frame_id)
+    north, east = station.position_N.tolist()
+    w = x = y = z = 0.0
+    if station.heading is not None:
+        q_NB = quaternion_from_euler(0.0, 0.0, station.heading)
+        w, x, y, z = attitude_ned_frd_to_enu_flu(q_NB).tolist()
+    writer.values("7d", 8, east, north, 0.0, x, y, z, w)
     return writer.payload()
 
 

@@ -257,6 +257,7 @@ _TABLE: Final = (
           taken="gps_imu", rate_hz=100.0, depth=128, largest_b=SMALL_B),
     Topic("goal", "goal", GOAL_TYPE, IN, COMMAND, taken="always", largest_b=SMALL_B, core=True),
     Topic("route", "route", PATH_TYPE, IN, COMMAND, taken="always", largest_b=ROUTE_B, core=True),
+    Topic("hold", "hold", GOAL_TYPE, IN, COMMAND, taken="always", largest_b=SMALL_B, core=True),
     Topic("enable", "enable", ENABLE_TYPE, IN, COMMAND, depth=64, largest_b=SMALL_B),
     Topic("engagement", "engagement", ENGAGEMENT_TYPE, OUT, STATUS,
           depth=8, largest_b=SMALL_B, core=True),

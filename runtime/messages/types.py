@@ -116,6 +116,31 @@ class Goal:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Station:
+    """A place at which the vessel has to stay."""
+
+    stamp_ns: int
+    """[ns] When it was set."""
+    position_N: Float64
+    """[m] [N] (2,) North, east; of an order that names another frame, that frame's y and x."""
+    heading: float | None = None
+    """[rad] [N] Where the bow is to point, clockwise from north (from y in another frame); None:
+    into wind and current."""
+    frame_id: str = ""
+    """The frame that the order names; empty: that of the odometry."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Berth:
+    """A face of a quay or a pontoon at which the vessel has to lie alongside."""
+
+    stamp_ns: int
+    """[ns] When it was set."""
+    face_N: Float64
+    """[m] [N] (2, 2) The face's ends, on the water's edge; the bow is to point to the second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Engagement:
     """Whether thrust commands may act: armed, in the right mode, nothing stale."""
 

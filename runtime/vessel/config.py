@@ -38,6 +38,7 @@ from twinscrew.runtime.vessel.hull_settings import hull_settings
 from twinscrew.runtime.vessel.inputs import AlignmentSettings, OdometryBufferSettings
 from twinscrew.runtime.vessel.mission import MissionSettings
 from twinscrew.runtime.vessel.process import PrioritySettings
+from twinscrew.runtime.vessel.station import StationSettings
 from twinscrew.runtime.vessel.trial import TrialSettings
 from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
 
@@ -79,6 +80,7 @@ class RuntimeConfig(Settings, frozen=True):
     20 Hz). Less often, neutral would not come within half a second of an input's loss."""
     thrust: ThrustLimits = ThrustLimits()
     mission: MissionSettings = MissionSettings()
+    station: StationSettings = StationSettings()
     trial: TrialSettings = TrialSettings()
     perception: PerceptionSettings = PerceptionSettings()
     tracking: TrackerSettings = TrackerSettings()

@@ -12,7 +12,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from msgspec import structs
@@ -45,11 +45,13 @@ from twinscrew.runtime.messages.types import (
     Goal,
     HealthEvent,
     Odometry,
+    Station,
 )
 from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.envelope import (
     MOVING_MPS,
+    TRAFFIC_M,
     Envelope,
     EnvelopeSettings,
     Response,
@@ -90,13 +92,14 @@ FAULT_HOLD_S = 1.0
 
 
 class _Order(NamedTuple):
-    """A goal or a route as it came."""
+    """A goal, a route or a place to hold, as it came."""
 
+    kind: Literal["goal", "route", "hold"]
     stamp_ns: int
     places: Float64
-    """[m] (K, 2) y and x in its frame: north and east if that is the frame of positions."""
+    """[m] (K, 2) y and x in its frame: north and east if that is the frame of positions. Of a place
+    to hold with a heading a second one: a metre ahead of the first."""
     frame_ids: tuple[str, ...]
-    is_route: bool
 
 
 class Vessel:
@@ -187,6 +190,7 @@ class Vessel:
             "odometry": self._odometry,
             "goal": self._goal,
             "route": self._route,
+            "hold": self._hold,
             "engagement": self._engagement,
             "fallback": self._fallback,
             "chart": self._chart,
@@ -331,7 +335,14 @@ class Vessel:
         goal_N = None if goal is None else goal.position_N
         acts = self.engaged and not self._inputs_too_old and self._now_s >= self._held_until_s
         try:
-            said = explain(decision, odometry, goal_N, engaged=acts, assurance=self._manoeuvre)
+            said = explain(
+                decision,
+                odometry,
+                goal_N,
+                engaged=acts,
+                assurance=self._manoeuvre,
+                holding=self.pipeline.mission.station is not None,
+            )
             if self.envelope.response is not Response.NONE:
                 words = self.envelope.words
                 return replace(said, sentence=f"{words[:1].upper()}{words[1:]}. {said.sentence}")
@@ -431,15 +442,22 @@ class Vessel:
     def _goal(self, taken: Taken, out: Outputs, now_s: float) -> None:
         goal = cdr.decode_goal(taken.payload)
         places = goal.position_N[None, :]
-        self._order(_Order(goal.stamp_ns, places, (goal.frame_id,), is_route=False), out, now_s)
+        self._order(_Order("goal", goal.stamp_ns, places, (goal.frame_id,)), out, now_s)
 
     def _route(self, taken: Taken, out: Outputs, now_s: float) -> None:
         path = cdr.decode_path(taken.payload)
-        order = _Order(path.stamp_ns, path.places_N, path.frame_ids, is_route=True)
-        self._order(order, out, now_s)
+        self._order(_Order("route", path.stamp_ns, path.places_N, path.frame_ids), out, now_s)
+
+    def _hold(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        station = cdr.decode_station(taken.payload)
+        places = station.position_N[None, :]
+        if station.heading is not None:
+            ahead = np.array([math.cos(station.heading), math.sin(station.heading)])
+            places = np.vstack([places, places[0] + ahead])
+        self._order(_Order("hold", station.stamp_ns, places, (station.frame_id,)), out, now_s)
 
     def _order(self, order: _Order, out: Outputs, now_s: float) -> None:
-        """Take a goal or a route, in whatever frame; one that cannot be placed is refused.
+        """Take an order, in whatever frame; one that cannot be placed is refused.
 
         Before the first odometry nobody knows what the frame of positions is called: the order is
         taken as one in it, and looked at again when that is known.
@@ -455,13 +473,15 @@ class Vessel:
             except FrameError as error:
                 self._tell(out, now_s, GOAL_FRAME.at(self.stamp_ns, str(error)))
                 return
-        why = self._why_not(places_N)
-        if why:
-            self._tell(out, now_s, GOAL_FORBIDDEN.at(self.stamp_ns, f"not taken: {why}"))
-            return
+            why = self._why_not(places_N[:1] if order.kind == "hold" else places_N)
+            if why:
+                self._tell(out, now_s, GOAL_FORBIDDEN.at(self.stamp_ns, f"not taken: {why}"))
+                return
         stamp_ns = order.stamp_ns or self.stamp_ns
-        if order.is_route:
+        if order.kind == "route":
             self._tell(out, now_s, mission.set_route(places_N, stamp_ns))
+        elif order.kind == "hold":
+            self._tell(out, now_s, mission.set_station(_station(places_N, stamp_ns)))
         else:
             goal = Goal(stamp_ns=stamp_ns, position_N=places_N[0])
             self._tell(out, now_s, mission.set_goal(goal))
@@ -476,6 +496,8 @@ class Vessel:
             self._tell(out, now_s, nowhere)
         if order is not None and not placed:
             self._order(order, out, now_s)
+        elif order is not None:
+            self._take_back(out, now_s)
 
     def _odometry_at(self, stamp_ns: int) -> Odometry | None:
         return self.inputs.at(stamp_ns) if stamp_ns else self.inputs.newest
@@ -521,7 +543,7 @@ class Vessel:
         if not chart.leaves_water:
             return "together with the other fences and the chart they leave no water"
         self._fences = others
-        if chart.version != self.chart.version:
+        if chart.version != (self._next_chart or self.chart).version:
             self._next_chart = chart
         return ""
 
@@ -535,14 +557,18 @@ class Vessel:
         self._tell(out, now_s, CHART_CHANGED.at(self.stamp_ns, words))
         if self.link.stations is not None:
             self.link.stations.chart = chart
+        self._take_back(out, now_s)
+        self._is_forbidden = False
+        self._watch_place(out, now_s)
+
+    def _take_back(self, out: Outputs, now_s: float) -> None:
+        """Take back all goals if one of them is forbidden."""
         mission = self.pipeline.mission
         why = self._why_not(mission.ahead_N)
         if why:
             nowhere = mission.set_route(np.empty((0, 2)), self.stamp_ns)
             taken_back = GOAL_FORBIDDEN.at(self.stamp_ns, f"taken back: {why}")
             self._tell(out, now_s, taken_back, nowhere)
-        self._is_forbidden = False
-        self._watch_place(out, now_s)
 
     def _watch_place(self, out: Outputs, now_s: float) -> None:
         """Say when the boat comes to where it may not be, and when it has left it."""
@@ -598,9 +624,11 @@ class Vessel:
             known["wave_height_m"], known["motion_deg"] = self._sea.step(odometry)
             speed_mps = math.hypot(*odometry.velocity_B[:2].tolist())
             known["speed_share"] = speed_mps / self._slow.top_mps
-        if decision is not None and not self._inputs_too_old:
+        if odometry is not None and decision is not None and not self._inputs_too_old:
+            away_N = decision.tracks.p_N - odometry.position_N[:2]
             moving = np.hypot(*decision.tracks.v_N.T) > MOVING_MPS
-            known["traffic"] = float(moving.sum())
+            near = np.hypot(*away_N.T) <= TRAFFIC_M + decision.tracks.radius
+            known["traffic"] = float((moving & near).sum())
             known |= self._seen(now_s)
         return known
 
@@ -677,6 +705,14 @@ class Vessel:
         )
 
 
+def _station(places_N: Float64, stamp_ns: int) -> Station:
+    heading = None
+    if len(places_N) > 1:
+        north, east = (places_N[1] - places_N[0]).tolist()
+        heading = math.atan2(east, north)
+    return Station(stamp_ns=stamp_ns, position_N=places_N[0], heading=heading)
+
+
 def make_vessel(
     config: RuntimeConfig, *, pipeline: Pipeline | None = None, looks_first: bool = True
 ) -> Vessel:
@@ -732,7 +768,10 @@ def chart_of(config: RuntimeConfig) -> StaticMap:
     if not features:
         return StaticMap.empty()
     depth_m = safety_depth_m(settings, load_vessel(config.vessel).draught_m)
-    return StaticMap.of(features, safety_depth_m=depth_m)
+    chart = StaticMap.of(features, safety_depth_m=depth_m)
+    if not chart.leaves_water:
+        raise ConfigError("its land and fences leave no water", key="chart")
+    return chart
 
 
 def _check_goals(config: RuntimeConfig, chart: StaticMap) -> None:

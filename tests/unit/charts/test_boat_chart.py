@@ -78,11 +78,21 @@ def test_a_goal_on_land_is_not_taken_and_the_one_before_stays():
 def test_a_route_with_a_place_in_shallow_water_is_not_taken():
     shoal = {"outline_m": SQUARE, "depth_m": 0.4}
     vessel = vessel_with(depth=[shoal], safety_depth_m=1.0)
+    feed(vessel, "odometry", cdr.encode_odometry(odometry(1.0, north=-20.0)), 1.0)
     path = cdr.encode_path(np.array([[-9.0, 0.0], [20.0, 15.0]]), stamp_ns=stamp(1.0), frame_id="")
     out = feed(vessel, "route", path, 1.0)
     (words,) = events(out, "goal_forbidden")
     assert "goal 2 of 2" in words
     assert "in water shallower than 1 m" in words
+    assert vessel.pipeline.mission.goal is None
+
+
+def test_a_goal_that_came_before_any_odometry_is_taken_back_if_it_is_on_land():
+    vessel = vessel_with(land=[LAND])
+    assert not events(feed(vessel, "goal", goal(20.0, 15.0), 1.0), "goal_forbidden")
+    out = feed(vessel, "odometry", cdr.encode_odometry(odometry(1.0, north=-20.0)), 1.1)
+    (words,) = events(out, "goal_forbidden")
+    assert words.startswith("taken back: the goal")
     assert vessel.pipeline.mission.goal is None
 
 
@@ -122,6 +132,8 @@ def test_fences_that_leave_no_water_are_refused_and_those_before_stay():
 def test_a_replay_has_the_same_map_and_refuses_the_same_goals():
     vessel = vessel_with(land=[LAND])
     taken = list(vessel.tick(0.0).messages)
+    here = cdr.encode_odometry(odometry(1.0, north=-20.0))
+    taken += feed(vessel, "odometry", here, 1.0).messages
     taken += feed(vessel, "goal", goal(-20.0, 30.0), 1.0).messages
     vessel.fence("autopilot", (BAY,))
     taken += vessel.tick(1.1).messages
