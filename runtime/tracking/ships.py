@@ -135,7 +135,7 @@ def find_ships(
         members = ~taken & _within(objects_N, p_N, now, settings.margin_m)
         free[mine] = False
         taken[members] = True
-        said = [at_rest[k] for k in np.flatnonzero(members)]
+        said = [at_rest[k] for k in np.flatnonzero(members).tolist()]
         rests = True in said and False not in said
         found.append(SeenShip(row, p_N, R, now, rests, members, shift_N, v_N))
 
@@ -206,14 +206,14 @@ def _axes(heading: float) -> Float64:
 def _within(points: Float64, centre: Float64, hull: Hull, margin_m: float) -> NDArray[np.bool_]:
     away = np.abs((points - centre) @ _axes(hull.heading).T)
     most = np.array([hull.half_length, hull.half_beam]) + margin_m
-    inside: NDArray[np.bool_] = (away <= most).all(axis=1)
+    inside: NDArray[np.bool_] = np.all(away <= most, axis=1)
     return inside
 
 
 def _fits(points: Float64, hull: Hull, settings: ShipSettings) -> bool:
     """Tell whether echoes can be those of one vessel with this heading, now that more is seen."""
     length, beam = np.ptp(points @ _axes(hull.heading).T, axis=0).tolist()
-    return length <= settings.longest_m and beam <= 2.0 * hull.half_beam + settings.margin_m
+    return bool(length <= settings.longest_m and beam <= hull.half_beam * 2 + settings.margin_m)
 
 
 def _pieces(tracks: Sequence[Track], x: Float64, points: Float64) -> list[int]:
