@@ -378,9 +378,11 @@ class Tracker:
             if track.scans:
                 track.scans += 1
         at_rest = self._long.at_rest(objects, own)
-        ships = find_ships(
-            self._tracks, x, objects, at_rest, own, self._reach_m, self.settings.ships
-        )
+        ships: list[SeenShip] = []
+        if False in at_rest or any(track.hull for track in self._tracks):
+            ships = find_ships(
+                self._tracks, x, objects, at_rest, own, self._reach_m, self.settings.ships
+            )
         if ships:
             members = np.any([ship.members for ship in ships], axis=0)
             objects, at_rest = without(objects, at_rest, members)
@@ -637,24 +639,19 @@ class Tracker:
                 track.scans, track.hits, track.extras = 0, 0, None
                 track.sources -= {LIDAR}
         alive = [track for track in self._tracks if self._is_alive(track)]
-        self._tracks = [
-            track
-            for track in alive
-            if not is_absorbed(track, alive, life) and not self._is_part(track, alive)
-        ]
+        self._tracks = [track for track in alive if not is_absorbed(track, alive, life)]
+        long = [track for track in alive if track.hull is not None and track.age_s == 0.0]
+        if long:
+            self._tracks = [track for track in self._tracks if not self._is_part(track, long)]
         if len(self._tracks) < len(alive):
             pass_on_names(alive, self._tracks)
 
-    def _is_part(self, track: Track, tracks: Sequence[Track]) -> bool:
+    def _is_part(self, track: Track, long: Sequence[Track]) -> bool:
         """Tell whether an unseen track lies within the outline of a long vessel that was seen."""
         if track.age_s == 0.0 or track.hull is not None or track.named is not None:
             return False
         margin_m = self.settings.ships.margin_m
-        return any(
-            other.age_s == 0.0 and in_outline(track.x[:2], other, margin_m)
-            for other in tracks
-            if other.hull is not None
-        )
+        return any(in_outline(track.x[:2], other, margin_m) for other in long)
 
     def _is_alive(self, track: Track) -> bool:
         if track.scans and lives(track, self.settings.life):
@@ -700,7 +697,7 @@ class Tracker:
             radius=_floats([track.radius for track in tracks]),
             covariance=P[:, :4, :4].copy(),
             age_s=_floats([track.age_s for track in tracks]),
-            **_outlines(tracks),
+            **(_outlines(tracks) if any(track.hull or track.named for track in tracks) else {}),
         )
 
 
@@ -727,9 +724,7 @@ def _surely_within(track: Track, own_N: Float64, source: SourceSettings) -> bool
 
 
 def _outlines(tracks: Sequence[Track]) -> dict[str, Any]:
-    """Give the columns of outlines and names; none where no track has either."""
-    if not any(track.named or track.hull for track in tracks):
-        return {}
+    """Give the columns of outlines, and of names if there are any."""
     half_length, half_beam, heading = np.array([_outline(track) for track in tracks]).T
     columns: dict[str, Any] = {
         "half_length": half_length,
