@@ -94,6 +94,8 @@ class Kernel:
         merge_along: float,
         footprint: FootprintRule,
         least_points: int,
+        full_range: float,
+        far_points: int,
         longest: float,
         piece: float,
         strip_gap: float,
@@ -312,3 +314,70 @@ def shadowed(
     offsets: NDArray[np.float64], hides: NDArray[np.bool_], width: float
 ) -> NDArray[np.bool_]: ...
 def association_marginals(weights: NDArray[np.float64]) -> NDArray[np.float64]: ...
+
+class RoutePlanner:
+    def __init__(
+        self,
+        *,
+        least: float,
+        wanted: float,
+        nearness: float,
+        finest: float,
+        coarsest: float,
+        drift_s: float,
+        escape: float,
+        most: int,
+    ) -> None: ...
+    def divide(
+        self,
+        shores: NDArray[np.float64],
+        walls: NDArray[np.float64],
+        low: tuple[float, float],
+        side: float,
+    ) -> None: ...
+    @property
+    def size(self) -> int:
+        """[-] Cells."""
+    def covers(self, place: tuple[float, float]) -> bool: ...
+    def clearance(self, a: tuple[float, float], b: tuple[float, float]) -> float: ...
+    def leg(self, a: tuple[float, float], b: tuple[float, float]) -> float: ...
+    def find(
+        self, start: tuple[float, float], goal: tuple[float, float], drift: tuple[float, float]
+    ) -> tuple[int, NDArray[np.float64], float, int]:
+        """Give how it ended (0: found), places, cost, cells that were looked at."""
+
+def legs_clearance(
+    legs: NDArray[np.float64], walls: NDArray[np.float64]
+) -> NDArray[np.float64]: ...
+
+class LearntMap:
+    def __init__(
+        self,
+        *,
+        cell: float,
+        size: int,
+        certain: int,
+        most: int,
+        margin: float,
+        height: float,
+        keep_s: float,
+    ) -> None: ...
+    def reset(self) -> None: ...
+    def see(
+        self,
+        *,
+        water: FreeWater,
+        boundary: NDArray[np.float64],
+        heights: NDArray[np.float64],
+        seen: NDArray[np.int64],
+        stands: NDArray[np.uint8],
+        sensor: tuple[float, float],
+        own: tuple[float, float],
+        heading: float,
+        time: float,
+    ) -> None: ...
+    @property
+    def version(self) -> int: ...
+    def segments(self) -> NDArray[np.float64]: ...
+    def free_at(self, place: tuple[float, float]) -> float: ...
+    def wall_at(self, place: tuple[float, float]) -> float: ...

@@ -37,6 +37,9 @@ class ExplorationSettings(Settings, frozen=True):
     """[-] Standard deviation of the noise on the action of the noisiest vessel; actions are +-1."""
     correlation: Fraction = 0.8
     """[-] Of a vessel's noise from one decision to the next: white noise hardly turns a hull."""
+    greedy: Fraction = 0.0
+    """[-] Share of the slots that do as the policy says, always: where chance now and then kicks a
+    vessel out of a circle around its goal, nobody learns that the circle has no end."""
 
 
 def epsilon(settings: ExplorationSettings, step: int) -> float:
@@ -62,8 +65,9 @@ class Exploration:
         generator: np.random.Generator,
     ) -> None:
         self._rho, self._levels, self._generator = settings.correlation, levels, generator
-        size = settings.noise * np.linspace(0.0, 1.0, slots)[:, None]
-        self._size = generator.permutation(size)
+        share = generator.permutation(np.linspace(0.0, 1.0, slots)[:, None])
+        self._size = settings.noise * share
+        self._greedy = share[:, 0] < settings.greedy
         self._state = generator.standard_normal((slots, 2))
         self.risk: Float32 | None = self._draw(slots) if levels else None
         """(M, 1) in (0, 1]"""
@@ -80,8 +84,10 @@ class Exploration:
         if agent.on_policy:
             return action
         if noisy:
-            action = np.clip(action + self.noise(), -1.0, 1.0)
+            action = np.clip(action + self.noise() * ~self._greedy[:, None], -1.0, 1.0)
         dice = self._generator.random(len(action)) < chance
+        if chance < 1.0:  # not while nothing has been learnt
+            dice &= ~self._greedy
         if dice.any():
             action[dice] = agent.random(int(dice.sum())).numpy()
         return action

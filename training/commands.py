@@ -173,9 +173,18 @@ def evaluate(
     vessel: Annotated[
         str | None,
         typer.Option(
-            help="Whose hull it drives, a shipped vessel or a file; distances are as many lengths.",
+            help="Whose hull it drives, a shipped vessel or a file; distances are as many lengths. "
+            "any: each vessel has a hull drawn at random.",
             show_default="wam_v",
-            metavar="NAME|FILE",
+            metavar="NAME|FILE|any",
+        ),
+    ] = None,
+    unknown: Annotated[
+        str | None,
+        typer.Option(
+            help="What it is not told of its hull and the water: mass, drag, propeller, lag, "
+            "current, or several, as mass,lag.",
+            show_default="nothing",
         ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
@@ -187,12 +196,21 @@ def evaluate(
     from twinscrew.runtime.settings import convert
     from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
     from twinscrew.training.environment import EnvironmentSettings
-    from twinscrew.training.evaluate import open_policy, sailed_by
+    from twinscrew.training.evaluate import (
+        open_policy,
+        sailed_by,
+        sailed_by_any,
+        unknown_to_policy,
+    )
     from twinscrew.training.scenarios import ScenarioSettings, published_distance_m, six_settings
     from twinscrew.training.traffic import draw_traffic, read_traffic
 
-    hull = load_vessel() if vessel is None else load_vessel(vessel)
+    hull = load_vessel() if vessel in (None, "any") else load_vessel(vessel)
     environment = sailed_by(hull, convert({"coriolis": coriolis}, EnvironmentSettings))
+    if vessel == "any":
+        environment = sailed_by_any(environment)
+    if unknown is not None:
+        environment = unknown_to_policy(environment, unknown.split(","))
     units = units_of(hull, load_vessel())
     if on is not None or traffic is not None:
         if risks is not None or every or (on is not None and traffic is not None):

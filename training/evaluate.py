@@ -7,7 +7,7 @@ any batch.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -34,6 +34,7 @@ from twinscrew.runtime.settings import shipped
 from twinscrew.runtime.vessel_description import DEFAULT, VesselDescription, load_vessel
 from twinscrew.training.environment import RATE_LIMIT, EnvironmentSettings, VectorEnv
 from twinscrew.training.perception import PAPER, Layout, Observations
+from twinscrew.training.physics import HullSettings, UnknownSettings
 from twinscrew.training.scenarios import Mask, ScenarioSettings, six_settings
 
 if TYPE_CHECKING:
@@ -119,6 +120,47 @@ def sailed_by(vessel: VesselDescription, settings: EnvironmentSettings) -> Envir
         vessel=in_units(vessel.plane, units),
         conditions=msgspec.structs.replace(settings.conditions, thrust_lag_s=lag_s),
     )
+
+
+UNKNOWN: Mapping[str, Mapping[str, float]] = {
+    "mass": {"mass": 0.25},
+    "drag": {"drag": 0.5},
+    "propeller": {"propeller": 0.3},
+    "lag": {"lag_s": 0.5},
+    "current": {},
+}
+"""What a policy may not be told of its hull, by name: fields of `UnknownSettings`."""
+UNKNOWN_CURRENT = 0.3
+"""[-] The water runs up to this share of the default vessel's top speed."""
+
+
+def unknown_to_policy(settings: EnvironmentSettings, what: Sequence[str]) -> EnvironmentSettings:
+    """Give an environment whose vessels differ from what their policies are told (`UNKNOWN`).
+
+    Raises
+    ------
+    ConfigError
+        A name that is none of `UNKNOWN`'s.
+    """
+    if wrong := sorted(set(what) - set(UNKNOWN)):
+        allowed = ", ".join(UNKNOWN)
+        raise ConfigError(f"cannot hide {', '.join(wrong)}; allowed: {allowed}", key="--unknown")
+    fields = {key: value for name in what for key, value in UNKNOWN[name].items()}
+    most_mps = UNKNOWN_CURRENT * load_vessel().top_speed_mps * ("current" in what)
+    conditions = msgspec.structs.replace(
+        settings.conditions, unknown=UnknownSettings(**fields), current_mps=(0.0, most_mps)
+    )
+    return msgspec.structs.replace(settings, conditions=conditions)
+
+
+def sailed_by_any(settings: EnvironmentSettings) -> EnvironmentSettings:
+    """Give an environment in which every vessel has a hull of its own, drawn at random.
+
+    The policies are told the truth, in the hull's own units (`HullSettings`).
+    """
+    hulls = HullSettings(share=1.0, weak=0.0, unknown=0.0, coriolis_twice=0.0)
+    conditions = msgspec.structs.replace(settings.conditions, hulls=hulls)
+    return msgspec.structs.replace(settings, conditions=conditions)
 
 
 class OnnxBatch:

@@ -77,6 +77,24 @@ class HullSettings(Settings, frozen=True):
     """[-] Share of the vessels that slide outward in turns as in the authors' environment."""
 
 
+class UnknownSettings(Settings, frozen=True):
+    """By how much every vessel differs from what its policy is told of it."""
+
+    mass: Fraction = 0.0
+    """[-] Its inertia is multiplied by 1 - this to 1 + this."""
+    drag: Fraction = 0.0
+    """[-] Its drag is multiplied by 1 - this to 1 + this."""
+    propeller: Fraction = 0.0
+    """[-] One of its propellers, the left or the right, lacks this part of its thrust."""
+    lag_s: NonNegative = 0.0
+    """[s] Up to this is added to the time constant of its thrust."""
+
+    @property
+    def any(self) -> bool:
+        """Whether anything differs."""
+        return max(self.mass, self.drag, self.propeller, self.lag_s) > 0.0
+
+
 class ConditionSettings(Settings, frozen=True):
     """The sea and the hulls; ranges are (least, greatest), drawn uniformly for every episode."""
 
@@ -105,6 +123,8 @@ class ConditionSettings(Settings, frozen=True):
     the thrust range and the hull's circle stay `vessel`'s."""
     hulls: HullSettings = HullSettings()
     """Hulls drawn at random."""
+    unknown: UnknownSettings = UnknownSettings()
+    """What the policies are not told of their hulls."""
     current_mps: tuple[NonNegative, NonNegative] = (0.0, 0.0)
     """[m/s] Of the water, towards any direction; steady, the same everywhere in an episode."""
 
@@ -112,13 +132,18 @@ class ConditionSettings(Settings, frozen=True):
     def forces(self) -> bool:
         """Whether anything but the commanded thrust acts."""
         ranges = (self.wind_mps, self.wave_force_n, self.wave_moment_nm)
-        lags = self.thrust_lag_s > 0.0 or self.hulls.share > 0.0
+        lags = self.thrust_lag_s > 0.0 or self.hulls_differ
         return lags or any(high > 0.0 for _, high in ranges)
 
     @property
     def chances(self) -> int:
         """[-] Uniform numbers that an episode, and each of its vessels, needs."""
-        return CHANCES + HULL_CHANCES * (self.hulls.share > 0.0 or self.current_mps[1] > 0.0)
+        return CHANCES + HULL_CHANCES * (self.hulls_differ or self.current_mps[1] > 0.0)
+
+    @property
+    def hulls_differ(self) -> bool:
+        """Whether every vessel has inertia, drag, propellers and lag of its own."""
+        return self.hulls.share > 0.0 or self.unknown.any
 
     @property
     def varied(self) -> bool:
@@ -162,8 +187,8 @@ def draw_hulls(settings: ConditionSettings, vessel: VesselParameters, chance: Fl
     twice, current = np.zeros(shape, bool), np.zeros(len(chance), complex)
     told_wrongly = np.ones((*shape, len(HULL_COLUMNS)))
     high = vessel.thrust_max_n
+    u, h = np.moveaxis(each[..., CHANCES:], -1, 0), settings.hulls
     if settings.chances > CHANCES:
-        u, h = np.moveaxis(each[..., CHANCES:], -1, 0), settings.hulls
         whole = all_[:, CHANCES:]
         drawn = (whole[:, 0] < h.share)[:, None] & np.ones(shape, bool)
         speed, turn = _between(h.top_speed_mps, u[0]), _log_between(h.turn_rate_radps, u[1])
@@ -197,7 +222,21 @@ def draw_hulls(settings: ConditionSettings, vessel: VesselParameters, chance: Fl
         *(values[:3], values[3:6], values[6:9], values[9], radius, (low, np.full(shape, high)), lag)
     )
     rows: Float32 = (told * told_wrongly).astype(np.float32)
+    if settings.unknown.any:
+        values, gain, lag = _differ(settings.unknown, u[28:32], values, gain, lag)
     return Hulls(values, radius, low, lag, gain, twice, rows, current)
+
+
+def _differ(
+    unknown: UnknownSettings, u: Float64, values: Float64, gain: Float64, lag: Float64
+) -> tuple[Float64, Float64, Float64]:
+    """Change inertia and drag, (10, N, V), the propellers' share and their lag by u, (4, N, V)."""
+    mass = 1.0 + unknown.mass * (2.0 * u[0] - 1.0)
+    drag = 1.0 + unknown.drag * (2.0 * u[1] - 1.0)
+    values = np.concatenate([values[:3] * mass, values[3:9] * drag, values[9:]])
+    left = u[2] < 0.5
+    lacks = unknown.propeller * np.stack([left, ~left])
+    return values, gain * (1.0 - lacks), lag + unknown.lag_s * u[3]
 
 
 def _drag(force: Float64 | float, speed: Float64, linear: Float64) -> tuple[Float64, Float64]:
@@ -396,13 +435,13 @@ class Forces:
         self._vessel = vessel
         self._acting = settings.forces
         other = settings.other_vessel
-        self._varied = other is not None or settings.hulls.share > 0.0
+        self._varied = other is not None or settings.hulls_differ
         vessels = math.prod(shape) if self._varied else 1
         self.coefficients = Coefficients(vessel, substep_s, vessels, coriolis)
         self._follow: Float64 | None = None
         """[-] By what share thrust follows its command in a sub-step; None: at once."""
         self._gain: Float64 | None = None
-        if settings.hulls.share > 0.0:
+        if settings.hulls_differ:
             self._follow, self._gain = np.ones(shape), np.ones((2, *shape))
         elif settings.thrust_lag_s > 0.0:
             self._follow = np.array(-math.expm1(-substep_s / settings.thrust_lag_s))

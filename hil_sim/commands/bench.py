@@ -25,6 +25,7 @@ BY_DEFAULT = (
     "tracking",
     "harbour",
     "assurance",
+    "route",
     "startup",
     "sitl",
     "wire",

@@ -73,7 +73,7 @@ def perceive(
             help="With a height: lower echoes are dropped; on land 0.3 is better.", min=0, max=100
         ),
     ] = 0.1,
-    max_range_m: Annotated[float, typer.Option(help="Farther echoes are not used.")] = 20.0,
+    max_range_m: Annotated[float, typer.Option(help="Farther echoes are not used.")] = 60.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
     plot: Annotated[Path | None, typer.Option(help="Draw a picture into this file.")] = None,
 ) -> None:

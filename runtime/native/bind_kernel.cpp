@@ -191,13 +191,15 @@ void bind_kernel(nb::module_& m) {
           [](MountedKernel* self, const std::vector<double>& elevations, double first_azimuth,
              double azimuth_step, int columns, bool wraps, const Gates& gates, double theta,
              double noise, int bridged, float reach, float merge_across, float merge_along,
-             const FootprintRule& footprint, int least_points, float longest, float piece,
+             const FootprintRule& footprint, int least_points, float full_range,
+             int far_points, float longest, float piece,
              float strip_gap, int sector, const Matrix& R_BS, const Vector& p_BS,
              std::optional<std::array<float, 2>> column_times, bool wide) {
             require(sector > 0, "Kernel: a sector has at least one column");
             const Scanner scanner(elevations, first_azimuth, azimuth_step, columns, wraps);
-            const CircleRules rules{least_points,    longest,        piece,
-                                    gates.mask_hull, gates.hull_aft, gates.hull_fore};
+            const CircleRules rules{least_points,   full_range, far_points, longest,
+                                    piece,          gates.mask_hull,
+                                    gates.hull_aft, gates.hull_fore};
             new (self) MountedKernel(
                 Transform{R_BS, p_BS}, column_times, scanner, gates,
                 Criterion{theta, noise, bridged}, reach, MergeRule{merge_across, merge_along},
@@ -205,7 +207,8 @@ void bind_kernel(nb::module_& m) {
           },
           nb::kw_only(), "elevations"_a, "first_azimuth"_a, "azimuth_step"_a, "columns"_a,
           "wraps"_a, "gates"_a, "theta"_a, "noise"_a, "bridged"_a, "reach"_a, "merge_across"_a,
-          "merge_along"_a, "footprint"_a, "least_points"_a, "longest"_a, "piece"_a, "strip_gap"_a,
+          "merge_along"_a, "footprint"_a, "least_points"_a, "full_range"_a,
+          "far_points"_a, "longest"_a, "piece"_a, "strip_gap"_a,
           "sector"_a, "R_BS"_a, "p_BS"_a, "column_times"_a.none(), "wide"_a = true)
       .def(
           "scan",

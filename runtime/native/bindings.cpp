@@ -29,6 +29,7 @@ void bind_kernel(nb::module_& m);     // bind_kernel.cpp
 void bind_tracking(nb::module_& m);   // bind_tracking.cpp
 void bind_assurance(nb::module_& m);  // bind_assurance.cpp
 void bind_joint(nb::module_& m);      // bind_joint.cpp
+void bind_charts(nb::module_& m);      // bind_charts.cpp
 
 }  // namespace twinscrew
 
@@ -44,4 +45,5 @@ NB_MODULE(_native, m) {
   twinscrew::bind_tracking(m);
   twinscrew::bind_assurance(m);
   twinscrew::bind_joint(m);
+  twinscrew::bind_charts(m);
 }

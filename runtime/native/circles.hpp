@@ -20,7 +20,9 @@ struct Circle {
 };
 
 struct CircleRules {
-  int least_points = 20;
+  int least_points = 20;   // an object has so many echoes up to this distance,
+  float full_range = 22.0F;  // [m]
+  int far_points = 6;      // and as many fewer as its angle of sight is smaller, down to this
   float longest = 6.5F;  // [m] a longer object is cut
   float piece = 4.0F;    // [m] into pieces no longer than this
   bool has_hull = false;
@@ -39,7 +41,7 @@ class Circles {
     circles_.clear();
     circle_of_.assign(map.patches().size(), NONE);
     for (std::size_t group = 0; group < groups.size(); ++group) {
-      if (points(map.patches(), groups[group]) < rules_.least_points) continue;
+      if (!is_object(map.patches(), groups[group])) continue;
       const std::size_t first = circles_.size();
       cut(map.patches(), groups[group], rules_.longest);
       if (circles_.size() - first > 1) number(first, static_cast<std::int32_t>(group));
@@ -70,6 +72,21 @@ class Circles {
   };
 
   static std::size_t index(std::int32_t i) { return static_cast<std::size_t>(i); }
+
+  // Has it so many echoes as a thing of the least size gives there?
+  bool is_object(const std::vector<Patch>& patches, Numbers numbers) const {
+    double x = 0.0, y = 0.0, count = 0.0;
+    for (const std::int32_t i : numbers) {
+      const Patch& p = patches[index(i)];
+      x += p.x_sum;
+      y += p.y_sum;
+      count += p.count;
+    }
+    if (count >= rules_.least_points) return true;
+    const double full = rules_.full_range, away2 = (x * x + y * y) / (count * count);
+    if (away2 <= full * full || count < rules_.far_points) return false;
+    return count * away2 >= rules_.least_points * full * full;
+  }
 
   static std::int64_t points(const std::vector<Patch>& patches, Numbers numbers) {
     std::int64_t sum = 0;

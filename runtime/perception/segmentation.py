@@ -78,8 +78,8 @@ class PerceptionSettings(Settings, frozen=True, kw_only=True):
 
     theta_rad: Annotated[float, Meta(gt=0.0, lt=math.pi)] = math.radians(60.0)
     """[rad] Threshold of the angle criterion (parameters.md)."""
-    max_range_m: Annotated[float, Meta(gt=0.0, le=150.0)] = 20.0
-    """[m] Farther echoes are discarded (paper, sec. III-C)."""
+    max_range_m: Annotated[float, Meta(gt=0.0, le=150.0)] = 60.0
+    """[m] Farther echoes are discarded (paper, sec. III-C: 20 m)."""
     noise_sigmas: NonNegative = 3.0
     """[-] A link may differ by this many sigmas of a range difference beyond the criterion."""
     bridged: Annotated[int, Meta(ge=0, le=16)] = 1
@@ -91,7 +91,11 @@ class PerceptionSettings(Settings, frozen=True, kw_only=True):
     footprint: FootprintSettings | None = FootprintSettings()
     """The vessels whose pieces are put together; none does not."""
     min_points: Count = 20
-    """[-] Objects with fewer echoes, after merging, are dropped (parameters.md)."""
+    """[-] Objects with fewer echoes, after merging, are dropped (parameters.md),"""
+    full_range_m: Positive = 22.0
+    """[m] up to here; farther off as many fewer as the same thing gives there,"""
+    far_points: Count = 6
+    """[-] down to this many."""
     longest_m: Positive = 6.5
     """[m] Longer objects become several circles; a WAM-V's diagonal is 5.6 m."""
     piece_m: Positive = 4.0
@@ -285,6 +289,8 @@ def make_kernel(sensor: Sensor, settings: PerceptionSettings, *, wide: bool = Tr
                 footprint.min_points,
             ),
             least_points=settings.min_points,
+            full_range=settings.full_range_m,
+            far_points=settings.far_points,
             longest=settings.longest_m,
             piece=settings.piece_m,
             strip_gap=settings.strip_gap_m,

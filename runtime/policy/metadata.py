@@ -90,7 +90,7 @@ class PolicyExpectation(Settings, frozen=True, kw_only=True):
     thrust_max_n: float | None = None
     """[N]"""
     perception_range_m: float | None = None
-    """[m]"""
+    """[m] How far the vessel sees: at least as far as the policy needs."""
     vessel: str | None = None
     """The name in the vessel's description."""
 
@@ -137,10 +137,17 @@ def check_expectation(metadata: PolicyMetadata, expect: PolicyExpectation) -> No
         )
     if metadata.vessel == "any":  # its thrusts and ranges are in the hull's own units
         return
-    for key in ("thrust_min_n", "thrust_max_n", "perception_range_m"):
+    for key in ("thrust_min_n", "thrust_max_n"):
         needed, given = getattr(expect, key), getattr(metadata, key)
         if needed is not None and needed != given:
             raise PolicyError(f"metadata {key!r} is {given:g}; the vessel's is {needed:g}")
+    # What lies farther than it could see in training is not shown to it (`observation.Shown`).
+    sees, least = expect.perception_range_m, metadata.perception_range_min_m
+    if sees is not None and sees < (least or metadata.perception_range_m):
+        key = "perception_range_min_m" if least else "perception_range_m"
+        raise PolicyError(
+            f"metadata {key!r} is {getattr(metadata, key):g}; the vessel's is {sees:g}"
+        )
 
 
 _TYPES = {field.name: field.type for field in msgspec.structs.fields(PolicyMetadata)}

@@ -6,7 +6,6 @@ alone, so that roll and pitch in the waves do not shift what is 15 m away.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +27,9 @@ from twinscrew.runtime.vessel_description import load_vessel
 class ObservationSettings(Settings, frozen=True, kw_only=True):
     """Which objects a policy sees."""
 
-    perception_range_m: Positive = 20.0
-    """[m] An object is seen while its nearest edge is within this (paper, sec. III)."""
+    perception_range_m: Positive = 60.0
+    """[m] An object is seen while its nearest edge is within this, and within what the policy
+    knows (`Shown.range_m`)."""
     goal_range_m: Positive = 55.0
     """[m] A goal farther away is shown at this distance, in its direction: 94 of 100 goals of the
     training were nearer, and beyond what was learnt policies no longer heed what is near."""
@@ -47,8 +47,8 @@ class Shown(NamedTuple):
     """[-] K: how many it is shown at most."""
     outlines: bool = False
     """Whether it is shown their outlines."""
-    range_m: float = math.inf
-    """[m] Farther than this it is shown none, however far the vessel sees."""
+    range_m: float = 20.0
+    """[m] Farther than this it is shown none, however far the vessel sees (paper, sec. III)."""
 
 
 PAPER = Shown()

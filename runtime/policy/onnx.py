@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from pathlib import Path
 from typing import Any
 
@@ -88,9 +87,7 @@ class OnnxPolicy:
     def shown(self) -> Shown:
         """What it takes."""
         m = self.metadata
-        return Shown(
-            m.observed_objects, m.extended, m.perception_range_m if m.extended else math.inf
-        )
+        return Shown(m.observed_objects, m.extended, m.perception_range_m)
 
     def act(self, observation: Observation) -> Float64:
         """Give the thrust rates, (2,) [N/s], clipped to what the policy was trained with.

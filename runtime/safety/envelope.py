@@ -30,6 +30,8 @@ from twinscrew.runtime.settings import Fraction, NonNegative, Positive, Settings
 
 MOVING_MPS: Final = 0.5
 """[m/s] Slower tracks are not traffic (paper, sec. IV)."""
+TRAFFIC_M: Final = 20.0
+"""[m] Nor are those whose hulls are farther (paper, sec. III: as far as its vessels see)."""
 SEA_WINDOW_S: Final = 20.0
 """[s] Waves are measured over this: four of the paper's longest."""
 SEA_SAMPLE_NS: Final = NANOSECONDS_PER_SECOND // 10
@@ -95,7 +97,7 @@ class EnvelopeSettings(Settings, frozen=True):
     visibility_m: Bound = _bound(60.0, "stop", 1.0, 3.0)
     """[m] How far the LiDAR's beams come on the average before spray, rain or fog ends them."""
     traffic: Bound = _bound(6.0, "slow", 2.0, 5.0)
-    """[-] Moving tracks, as many as perception sees."""
+    """[-] Moving tracks within 20 m."""
     speed_share: Bound = _bound(1.3, "slow", 1.0, 3.0)
     """[-] Speed over ground, as a share of the top speed in still water."""
     depth_m: Bound = _bound(1.0, "stop", 0.5, 3.0)

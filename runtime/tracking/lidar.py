@@ -22,11 +22,17 @@ from twinscrew.runtime import _native
 from twinscrew.runtime._native import crowded
 from twinscrew.runtime.geometry import rotation_2d
 from twinscrew.runtime.messages.types import Float64, Objects, Odometry, Strips
+from twinscrew.runtime.perception.segmentation import PerceptionSettings
 from twinscrew.runtime.perception.sensor import Sensor
 from twinscrew.runtime.settings import Fraction, NonNegative, Positive, Settings
 
 ABOUT_RAD = (-0.25, 0.05)
 """[rad] Elevations under which other vessels are seen, from 6 m on."""
+
+PART_M = 3.0
+"""[m] What is nearer than this to the end of sight may be seen in part: half a vessel's length."""
+FREEBOARD_M = 0.6
+"""[m] Vessels rise this far out of the water, at least."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,13 +45,16 @@ class SensorView:
     """[rad] How far the lowest beam looks down."""
     row_rad: float = 0.0234
     """[rad] Between two rows, there where vessels are."""
+    reach_m: float = PerceptionSettings().max_range_m
+    """[m] Farther echoes are not used."""
 
     @classmethod
-    def of(cls, sensor: Sensor) -> SensorView:
-        """Take it from a description."""
+    def of(cls, sensor: Sensor, reach_m: float = PerceptionSettings().max_range_m) -> SensorView:
+        """Take it from a description, and from how far perception uses echoes [m]."""
         elevations = sensor.elevations
         height = cls().height_m if sensor.mount is None else sensor.mount.z_m
-        return cls(height, max(-float(elevations[0]), 1e-3), _usual_step(elevations))
+        lowest, step = max(-float(elevations[0]), 1e-3), _usual_step(elevations)
+        return cls(height, lowest, step, min(reach_m, sensor.range_max_m))
 
     @property
     def near_scale(self) -> float:
@@ -53,6 +62,11 @@ class SensorView:
         usual = SensorView()
         reach = self.height_m / math.tan(self.lowest_rad)
         return max(reach, 0.0) * math.tan(usual.lowest_rad) / usual.height_m
+
+    @property
+    def sure_m(self) -> float:
+        """[m] Up to here each hull is in range, and higher than its rows are apart."""
+        return min(max(self.reach_m - PART_M, 0.5 * self.reach_m), FREEBOARD_M / self.row_rad)
 
     def row_gap(self, distance: Float64) -> Float64:
         """[m] Give how far apart rows are on an upright side at distances (K,) [m]."""
@@ -115,8 +129,9 @@ class MeasurementSettings(Settings, frozen=True, kw_only=True):
     same object's: a mast or a bow comes into sight or goes out of it."""
     jump_sigma: Positive = 2.0
     """[-] Innovations beyond this Mahalanobis distance are jumps: no vessel moves so suddenly."""
-    edge_m: Positive = 17.0
-    """[m] A centroid farther than this may be that of a part: the rest is out of range."""
+    edge_m: Positive | None = None
+    """[m] A centroid farther than this may be that of a part: the rest is out of range. None: 3 m
+    less than perception's range."""
     edge_sigma: NonNegative = 0.3
     """[-] White noise there, as a share of the radius."""
 
@@ -199,7 +214,7 @@ class Centroids:
             sigma=settings.sigma_m,
             scatter=settings.scatter,
             jump=settings.jump,
-            edge=settings.edge_m,
+            edge=_edge_m(settings, view),
             edge_sigma=settings.edge_sigma,
         )
 
@@ -241,6 +256,12 @@ class Centroids:
             Along and across the line of sight [m2].
         """
         return self._model.bias_variance(places_N, radius, *own_N.tolist())
+
+
+def _edge_m(settings: MeasurementSettings, view: SensorView) -> float:
+    """[m] Give how far a centroid may be, to be that of a whole vessel for certain."""
+    usual_m = max(view.reach_m - PART_M, 0.5 * view.reach_m)
+    return usual_m if settings.edge_m is None else settings.edge_m
 
 
 def _distances(settings: MeasurementSettings, view: SensorView) -> list[float]:

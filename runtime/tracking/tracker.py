@@ -92,10 +92,6 @@ from twinscrew.runtime.tracking.track import (
 
 LIDAR = "lidar"
 """Name of the source whose scans come in by `Tracker.step`."""
-SEGMENTED = SourceSettings(
-    range_m=(0.0, 17.0, 20.0), detection=(0.97, 0.97, 0.0), max_range_m=20.0, visible=0.99
-)
-"""The boat's LiDAR, for the existence of tracks that other sources see too (perception: 20 m)."""
 UNSEEN = 0.8
 """[-] What a scan leaves of the existence of a vessel that it should show, and does not."""
 KEPT_IDENTITIES = 4096
@@ -168,7 +164,9 @@ class Tracker:
         self.settings = settings or TrackerSettings()
         self._hull_velocity = HullVelocity(self.settings.displacement)
         self._bank = FilterBank()
-        self._centroids = Centroids(self.settings.measurement, view or SensorView())
+        view = view or SensorView()
+        self._centroids = Centroids(self.settings.measurement, view)
+        self._lidar = _segmented(view)
         self._long = LongObjects(self.settings.standing)
         variance = self.settings.standing.sigma_mps**2
         self._still = MeasuredVelocity(np.zeros(2), variance * np.eye(2))
@@ -429,7 +427,7 @@ class Tracker:
         return variance
 
     def _source(self, name: str) -> SourceSettings:
-        return self.settings.sources.get(name, SEGMENTED)
+        return self.settings.sources.get(name, self._lidar)
 
     def _joined(
         self, objects: Objects, at_rest: Sequence[bool | None], x: Float64, own: Viewpoint
@@ -642,6 +640,16 @@ class Tracker:
             age_s=_floats([track.age_s for track in tracks]),
             **(_outlines(tracks) if self._identifying else {}),
         )
+
+
+def _segmented(view: SensorView) -> SourceSettings:
+    """Give the boat's LiDAR, for the existence of tracks that other sources see too."""
+    return SourceSettings(
+        range_m=(0.0, view.sure_m, view.reach_m),
+        detection=(0.97, 0.97, 0.0),
+        max_range_m=view.reach_m,
+        visible=0.99,
+    )
 
 
 def _shows_whole(track: Track, named: Named) -> bool:

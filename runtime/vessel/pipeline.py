@@ -364,7 +364,8 @@ def make_pipeline(
     sensor = sensor_of(config)
     return Pipeline(
         perception=perception or Perception(sensor, config.perception),
-        tracker=tracker or Tracker(tracking_of(config), SensorView.of(sensor)),
+        tracker=tracker
+        or Tracker(tracking_of(config), SensorView.of(sensor, config.perception.max_range_m)),
         policy=policy or _policy_of(config),
         mission=Mission(config.mission),
         guard=Guard(config.thrust),

@@ -41,6 +41,7 @@ from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.safety.assurance import Assurance
 from twinscrew.runtime.safety.envelope import (
     MOVING_MPS,
+    TRAFFIC_M,
     Envelope,
     EnvelopeSettings,
     Response,
@@ -494,9 +495,11 @@ class Vessel:
             known["wave_height_m"], known["motion_deg"] = self._sea.step(odometry)
             speed_mps = math.hypot(*odometry.velocity_B[:2].tolist())
             known["speed_share"] = speed_mps / self._slow.top_mps
-        if decision is not None and not self._inputs_too_old:
+        if odometry is not None and decision is not None and not self._inputs_too_old:
+            away_N = decision.tracks.p_N - odometry.position_N[:2]
             moving = np.hypot(*decision.tracks.v_N.T) > MOVING_MPS
-            known["traffic"] = float(moving.sum())
+            near = np.hypot(*away_N.T) <= TRAFFIC_M + decision.tracks.radius
+            known["traffic"] = float((moving & near).sum())
             known |= self._seen(now_s)
         return known
 

@@ -10,15 +10,16 @@ from twinscrew.hil_sim.sensors.marine import AisTransponders, MarineSettings, Ra
 from twinscrew.hil_sim.sitl import SitlReport, SitlSettings, sail
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.recording.recording import find_recordings
+from twinscrew.runtime.settings import shipped
 from twinscrew.runtime.vessel.replay import replay
 
 POLICY = "ac_iqn_wam_v"
-"""The one that was trained among small vessels and sees 20 m: ships are beyond it."""
+"""The one that was trained among small vessels and sees 20 m, as its LiDAR does here."""
 
 
-def passage(ais: bool, folder: Path | None = None, **more) -> SitlReport:
+def passage(ais: bool, folder: Path | None = None, sensor: str = "vrx32", **more) -> SitlReport:
     marine = MarineSettings(ais=AisTransponders() if ais else None, **more)
-    settings = SitlSettings(policy=POLICY, lockstep=True, marine=marine)
+    settings = SitlSettings(policy=POLICY, sensor=sensor, lockstep=True, marine=marine)
     return sail(load_scenario("ship_crossing"), settings, folder)
 
 
@@ -30,8 +31,11 @@ def events_of(recording):
 
 @pytest.mark.slow
 def test_ais_alone_makes_the_boat_give_way_to_a_ship_that_the_lidar_sees_too_late(tmp_path):
-    (blind,) = passage(False).vessels
-    (aided,) = passage(True, tmp_path).vessels
+    far = shipped("sensors", "vrx32").read_text(encoding="utf-8")
+    sensor = tmp_path / "short_sighted.toml"
+    sensor.write_text(far.replace("range_max_m = 130.0", "range_max_m = 20.0"), encoding="utf-8")
+    (blind,) = passage(False, sensor=str(sensor)).vessels
+    (aided,) = passage(True, tmp_path, sensor=str(sensor)).vessels
     assert blind.outcome == "collision"
     assert aided.outcome == "goal"
     assert aided.closest_approach_m > 0.3

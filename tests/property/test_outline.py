@@ -16,7 +16,7 @@ from twinscrew.runtime.messages.types import PointCloud
 from twinscrew.runtime.perception.segmentation import SECTOR_RAD, Perception, PerceptionSettings
 from twinscrew.runtime.perception.sensor import Beams, Columns, Mount, Sensor
 
-OPEN = PerceptionSettings(hull=None, water=None, min_points=2)
+OPEN = PerceptionSettings(max_range_m=20.0, hull=None, water=None, min_points=2)
 MOUNTS = [
     Mount(x_m=0.4, y_m=0.0, z_m=2.0),
     Mount(x_m=-1.0, y_m=0.3, z_m=1.5, roll_rad=0.1, pitch_rad=-0.15, yaw_rad=2.0),

@@ -39,7 +39,7 @@ UNEVEN = Sensor(
     noise_sigma_m=0.02,
     mount=Mount(x_m=0.0, y_m=0.0, z_m=2.0),
 )
-EVERYTHING = PerceptionSettings(hull=None, water=None)
+EVERYTHING = PerceptionSettings(max_range_m=20.0, hull=None, water=None)
 
 
 def make_cloud(points_S: np.ndarray) -> PointCloud:
@@ -94,9 +94,10 @@ def test_the_kernel_finds_the_clusters_of_the_plain_reference(
 ) -> None:
     rng = np.random.default_rng(seed)
     points_S = points_of(blocks(rng, sensor, 8), sensor)
-    perception = Perception(
-        sensor, PerceptionSettings(hull=None, water=None, bridged=bridged, theta_rad=theta)
+    open_water = PerceptionSettings(
+        max_range_m=20.0, hull=None, water=None, bridged=bridged, theta_rad=theta
     )
+    perception = Perception(sensor, open_water)
     perception.project(make_cloud(points_S), LEVEL)
     count = perception.segment()
     image = perception.range_image()

@@ -39,10 +39,11 @@ def measure(
     distance = np.hypot(p_BN[:, 0], p_BN[:, 1])
     along = p_BN / np.maximum(distance, 1e-9)[:, None]
     z_N = odometry.position_N[:2] + p_BN + along * depth(distance, radius, settings, view)[:, None]
+    edge_m = view.reach_m - 3.0 if settings.edge_m is None else settings.edge_m
     variance = (
         settings.sigma_m**2
         + (settings.scatter * radius) ** 2 / np.maximum(points, 1)
-        + (settings.edge_sigma * radius * (distance > settings.edge_m)) ** 2
+        + (settings.edge_sigma * radius * (distance > edge_m)) ** 2
     )
     R = variance[:, None, None] * np.eye(2)
     return Measurements(

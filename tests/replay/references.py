@@ -34,7 +34,6 @@ from twinscrew.runtime.recording.recorder import software
 from twinscrew.runtime.recording.recording import Recording, find_recordings
 from twinscrew.runtime.recording.settings import BagSettings
 from twinscrew.runtime.recording.writer import BagWriter
-from twinscrew.runtime.safety.assurance import AssuranceSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig, config_for
 from twinscrew.runtime.vessel.summary import metadata_of
 from twinscrew.runtime.vessel.vessel import vessel_for_replay
@@ -47,17 +46,35 @@ NEARER_M = 12.0
 """[m] Than in the shipped scenario, so that each has the other in sight."""
 PACKED = BagSettings(compression="zstd", chunk_kb=4096)
 
-ANXIOUS = AssuranceSettings(enabled=True, wait_s=1.5, moving_horizon_s=4.0, margin_m=4.0)
+ANXIOUS = {"wait_s": 1.5, "moving_horizon_s": 4.0, "margin_m": 4.0}
 """Intervenes where the policy has all in hand, so that the assurance is part of a reference."""
-CASES: Mapping[str, RuntimeConfig] = {
-    "ac_iqn": RuntimeConfig(name=VESSEL, sensor="vrx16", policy="ac_iqn"),
-    "ac_iqn_wam_v": RuntimeConfig(name=VESSEL, sensor="vrx16", policy="ac_iqn_wam_v"),
-    "apf": RuntimeConfig(name=VESSEL, sensor="vrx16", policy="apf"),
-    "assured": RuntimeConfig(name=VESSEL, sensor="vrx16", policy="ac_iqn_wam_v", assurance=ANXIOUS),
-    "senses": config_for(
+
+
+def near(**values: Any) -> RuntimeConfig:
+    """Give the vessel of the references, which were made when it saw 20 m far."""
+    return config_for(
         "wam_v",
         name=VESSEL,
         sensor="vrx16",
+        perception={"max_range_m": 20.0},
+        tracking={
+            "measurement": {
+                "range_m": [7.2, 10.0, 16.5, 19.5],
+                "depth_m": [0.02, 0.48, 0.45, 1.0],
+                "edge_m": 17.0,
+            }
+        },
+        observation={"perception_range_m": 20.0},
+        **values,
+    )
+
+
+CASES: Mapping[str, RuntimeConfig] = {
+    "ac_iqn": near(policy="ac_iqn"),
+    "ac_iqn_wam_v": near(policy="ac_iqn_wam_v"),
+    "apf": near(policy="apf"),
+    "assured": near(policy="ac_iqn_wam_v", assurance=ANXIOUS),
+    "senses": near(
         policy="ac_iqn_wam_v",
         senses={"ais": {"datum": DATUM, "own_mmsi": OWN_MMSI}, "radar": {}},
     ),

@@ -37,7 +37,7 @@ def distances(outline: Outline) -> np.ndarray:
 
 def test_over_an_empty_sea_every_sight_ends_at_the_range() -> None:
     _, outline = seen_of()
-    assert distances(outline) == pytest.approx(20.0)
+    assert distances(outline) == pytest.approx(60.0)
     assert (outline.seen == -1).all()
     assert outline.cut_from.shape == (0,)
 
@@ -116,7 +116,7 @@ def test_the_outline_of_a_tilted_vessel_is_level(roll: float, pitch: float) -> N
     assert outline.boundary_L[outline.seen >= 0, 1] == pytest.approx(6.0, abs=1e-3)
     mast_N = rotation_from_quaternion(q_NB) @ sensor().mount_position_B
     assert outline.sensor_L == pytest.approx(mast_N)
-    assert distances(outline)[outline.seen < 0] == pytest.approx(20.0)
+    assert distances(outline)[outline.seen < 0] == pytest.approx(60.0)
 
 
 def test_the_heading_turns_nothing() -> None:

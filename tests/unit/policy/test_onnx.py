@@ -224,16 +224,27 @@ def test_metadata_that_is_not_known_is_ignored(tmp_path):
     [
         (PolicyExpectation(thrust_max_n=800.0), ["thrust_max_n", "1000", "800"]),
         (PolicyExpectation(thrust_min_n=-400.0), ["thrust_min_n", "-500", "-400"]),
-        (PolicyExpectation(perception_range_m=30.0), ["perception_range_m", "20", "30"]),
+        (PolicyExpectation(perception_range_m=15.0), ["perception_range_m", "20", "15"]),
     ],
 )
 def test_a_policy_for_another_vessel_is_refused(tmp_path, expect, values):
     refused(tmp_path, values, expect=expect)
 
 
-def test_a_policy_for_this_vessel_is_taken(tmp_path):
-    expect = PolicyExpectation(thrust_min_n=-500.0, thrust_max_n=1000.0, perception_range_m=20.0)
-    assert OnnxPolicy(graphs.save(tmp_path), expect).name == "hand_made"
+@pytest.mark.parametrize("range_m", [20.0, 60.0])
+def test_a_policy_for_this_vessel_is_taken_and_shown_no_more_than_it_knows(tmp_path, range_m):
+    expect = PolicyExpectation(thrust_min_n=-500.0, thrust_max_n=1000.0, perception_range_m=range_m)
+    policy = OnnxPolicy(graphs.save(tmp_path), expect)
+    assert policy.name == "hand_made"
+    assert policy.shown.range_m == 20.0
+
+
+def test_a_policy_that_learnt_to_see_less_far_is_taken(tmp_path):
+    ranges = with_metadata(perception_range_m="60", perception_range_min_m="20")
+    path = graphs.save(tmp_path, metadata=ranges)
+    assert OnnxPolicy(path, PolicyExpectation(perception_range_m=20.0)).shown.range_m == 60.0
+    with pytest.raises(PolicyError, match="perception_range_min_m"):
+        OnnxPolicy(path, PolicyExpectation(perception_range_m=19.0))
 
 
 @pytest.mark.parametrize(

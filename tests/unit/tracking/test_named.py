@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from twinscrew.runtime.tracking.detections import SourceSettings, positions
+from twinscrew.runtime.tracking.lidar import SensorView
 from twinscrew.runtime.tracking.named import Report, outline_distance
 from twinscrew.runtime.tracking.track import Named
 from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
@@ -71,7 +72,8 @@ BOAT = {"half_length": 1.2, "half_beam": 0.6}
 
 
 def make(**sources):
-    return Tracker(TrackerSettings(sources=sources))
+    """Its LiDAR looks 20 m far."""
+    return Tracker(TrackerSettings(sources=sources), SensorView(reach_m=20.0))
 
 
 @pytest.mark.parametrize("radar", [False, True])

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import torch
 
 from twinscrew.training.collect import Exploration, ExplorationSettings, epsilon
 
@@ -53,3 +54,21 @@ def test_without_levels_none_is_held():
     held = Exploration(SETTINGS, 0, 4, np.random.default_rng(0))
     held.renew(np.ones(4, bool))
     assert held.risk is None
+
+
+def test_greedy_slots_do_as_the_policy_says_once_something_has_been_learnt():
+    settings = ExplorationSettings(noise=0.5, greedy=0.4)
+    tries = Exploration(settings, 0, 100, np.random.default_rng(0))
+
+    class Random:
+        on_policy = False
+
+        def random(self, count):
+            return torch.full((count, 2), 0.9)
+
+    asked = np.zeros((100, 2), np.float32)
+    changed = np.zeros(100, bool)
+    for _ in range(50):
+        changed |= (tries.disturb(asked.copy(), Random(), True, 0.1) != 0.0).any(axis=1)
+    assert changed.sum() == 60
+    assert (tries.disturb(asked.copy(), Random(), True, 1.0) != 0.0).all()

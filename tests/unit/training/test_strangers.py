@@ -11,7 +11,15 @@ from twinscrew.runtime.policy.vessel_model import VesselModel, VesselParameters
 from twinscrew.training.environment import EnvironmentSettings, VectorEnv, steer_at_goal
 from twinscrew.training.networks import Scales, outlined_features, unpack
 from twinscrew.training.perception import NoiseSettings, layout_of
-from twinscrew.training.physics import ConditionSettings, HullSettings, rectangle_gap
+from twinscrew.training.physics import (
+    CHANCES,
+    HULL_CHANCES,
+    ConditionSettings,
+    HullSettings,
+    UnknownSettings,
+    draw_hulls,
+    rectangle_gap,
+)
 from twinscrew.training.scenarios import ScenarioSettings, StrangerSettings
 
 ROW = ScenarioSettings(robots=3, min_distance_m=30.0, strangers=5)
@@ -45,6 +53,33 @@ def test_what_a_policy_is_told_of_its_hull_is_how_it_moves():
     for _ in range(2000):
         pose, nu = surge_free.step(pose, nu * [0, 0, 1], apart, 0.05)
     assert nu[2] == pytest.approx(told["turn_rate"], rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("what", "column", "factors"),
+    [
+        ({"mass": 0.25}, "acceleration", (1 / 1.25, 1 / 0.75)),
+        ({"drag": 0.5}, "top_speed", (1 / 1.5, 1 / 0.5)),
+        ({"propeller": 0.3}, "thrust_min", (0.7, 1.0)),
+        ({"lag_s": 0.5}, "thrust_lag", (0.0, 0.5)),
+    ],
+)
+def test_what_a_policy_is_not_told_changes_its_hull_and_not_what_it_is_told(what, column, factors):
+    """A hull's own numbers lie within the range, on both sides of what is told."""
+    chance = np.random.default_rng(4).random((50, 4, CHANCES + HULL_CHANCES))
+    settings = ConditionSettings(unknown=UnknownSettings(**what))
+    drawn = draw_hulls(settings, VesselParameters(), chance)
+    assert np.all(drawn.told == describe_hull(VesselParameters()).astype(np.float32))
+    p = drawn.physical
+    acts = {
+        "acceleration": p[0].mean() / p[0],
+        "top_speed": p[6].mean() / p[6],
+        "thrust_min": drawn.gain.min(axis=0),
+        "thrust_lag": drawn.lag,
+    }[column]
+    assert acts.min() >= 0.95 * factors[0]
+    assert acts.max() <= 1.05 * factors[1]
+    assert acts.max() > acts.min() or column == "thrust_min"
 
 
 def test_drawn_hulls_keep_their_told_top_speed_over_the_water():

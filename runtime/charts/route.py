@@ -1,0 +1,255 @@
+"""A route: from here to the goal around everything that is fixed, and the point on it to steer for.
+
+The native planner divides the water into square cells, the finer the nearer to what is fixed, and
+searches them with A*; its legs are straight lines at any angle. Every leg keeps a least clearance
+from what is fixed. A greater clearance is preferred: a metre at the least clearance costs twice as
+much as one in open water, and a wall to leeward counts as nearer than it is. docs/charts.md
+explains it; the laws that a route keeps are in tests/property/test_route.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from twinscrew.runtime._native import RoutePlanner
+from twinscrew.runtime.charts.static_map import StaticMap
+from twinscrew.runtime.messages.types import Float64
+from twinscrew.runtime.settings import NonNegative, Positive, Settings
+from twinscrew.runtime.vessel_description import VesselDescription, load_vessel
+
+NO_WALLS: Final = np.empty((0, 2, 2))
+"""Walls, if there are none."""
+STILL: Final = (0.0, 0.0)
+"""[m/s] No drift."""
+LEAST_BEAMS: Final = 0.62
+"""[-] The least clearance in beams: half a beam is the hull, the rest is for how exactly it is
+steered. A gap of 1.6 beams leaves 0.18 beams on either side for the legs' own choice."""
+FINEST_SHARE: Final = 0.4
+"""[-] Side of the smallest cells, in least clearances: 0.25 of the beam, so that legs fit into the
+0.36 beams that a gap of 1.6 leaves them."""
+WHOLE_M: Final = 1500.0
+"""[m] A map that is no larger is searched as a whole; of a larger one a part first."""
+MOST_CELLS: Final = 400_000
+"""[-] With more, cells are made twice as large: 80 MB are never exceeded."""
+SAMPLES: Final = 24
+"""[-] So many places of the route ahead are looked at for the one to steer for."""
+SIGHT_SHARE: Final = 0.9
+"""[-] The straight way to that place keeps this share of the route's own clearance."""
+
+
+def _least_m(vessel: VesselDescription) -> float:
+    return round(LEAST_BEAMS * vessel.beam_m, 3)
+
+
+class RouteSettings(Settings, frozen=True, kw_only=True):
+    """How far from everything fixed a route keeps, and when it is found anew."""
+
+    enabled: bool = True
+    """Whether goals behind land are reached by a route; else they are headed for straight."""
+    learnt: bool = True
+    """Whether walls that the LiDAR has learnt are gone around too."""
+    least_clearance_m: Positive = _least_m(load_vessel())
+    """[m] No leg comes nearer to what is fixed: 0.62 of the beam."""
+    clearance_m: Positive = load_vessel().length_m
+    """[m] From here on nearness costs nothing: a hull's length, room to turn."""
+    nearness: NonNegative = 1.0
+    """[-] A metre at the least clearance costs 1 + this times a metre in open water."""
+    drift_s: NonNegative = 2.0
+    """[s] What wind and current push the vessel towards counts as nearer by the way that it drifts
+    in this time."""
+    escape_m: Positive = 4.0 * load_vessel().length_m
+    """[m] From nearer than the least clearance, or from where it is forbidden (it was pushed there,
+    or a fence came), the vessel leaves for water that is no farther away than this."""
+    again_s: Positive = 2.0
+    """[s] So long after the last search another one is made at the soonest, but for a new goal."""
+    drift_change_mps: Positive = 0.2
+    """[m/s] A drift that differs by more from that of the last search asks for another."""
+
+    def __post_init__(self) -> None:
+        """Refuse clearances that contradict each other."""
+        if self.clearance_m <= self.least_clearance_m:
+            raise ValueError("clearance_m must be greater than least_clearance_m")
+
+
+def settings_for(vessel: VesselDescription) -> dict[str, float]:
+    """Give what of the settings follows from a hull."""
+    return {
+        "least_clearance_m": _least_m(vessel),
+        "clearance_m": max(vessel.length_m, 1.1 * _least_m(vessel)),
+        "escape_m": 4.0 * vessel.length_m,
+    }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Route:
+    """A way that was found, or why there is none."""
+
+    places_N: Float64 = field(default_factory=lambda: np.empty((0, 2)))
+    """[m] [N] (M, 2) From the start to the goal; empty if there is no way."""
+    cost_m: float = math.inf
+    """[m] What it costs: its length, and what nearness adds."""
+    reason: str = ""
+    """Why there is no way, in plain words; empty if there is one."""
+
+    @property
+    def length_m(self) -> float:
+        """[m] How long it is."""
+        steps = np.diff(self.places_N, axis=0)
+        return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+
+_ENDS: Final = (
+    "",
+    "the vessel is shut in",
+    "the goal is shut in",
+    "no way leads to the goal",
+)
+
+
+class Router:
+    """Finds routes on one map. It keeps the planner's memory: one serves one thread at a time.
+
+    Parameters
+    ----------
+    settings
+        Clearances.
+    static_map
+        What is fixed.
+    walls : (S, 2, 2) float64
+        [m] [N] Segments that are fixed too, with water on both sides: what the LiDAR has learnt.
+    """
+
+    def __init__(
+        self,
+        settings: RouteSettings | None = None,
+        static_map: StaticMap | None = None,
+        walls: Float64 = NO_WALLS,
+    ) -> None:
+        self.settings = settings or RouteSettings()
+        self.static_map = static_map or StaticMap.empty()
+        self.walls = walls
+        self.is_free = not len(walls) and self.static_map.is_empty
+        """Whether nothing is fixed."""
+        places = np.concatenate([self.static_map.edges.reshape(-1, 2), walls.reshape(-1, 2)])
+        self._low = places.min(axis=0, initial=np.inf)
+        self._high = places.max(axis=0, initial=-np.inf)
+        self._finest_m = FINEST_SHARE * self.settings.least_clearance_m
+        self._planner: RoutePlanner | None = None
+        self._window: tuple[float, float, float] | None = None
+
+    def route(self, start_N: Float64, goal_N: Float64, drift_N: Float64 | None = None) -> Route:
+        """Find the way from a place to another.
+
+        Parameters
+        ----------
+        start_N, goal_N : (2,) float64
+            [m] [N]
+        drift_N : (2,) float64, optional
+            [m/s] [N] How wind and current together push the vessel.
+
+        Returns
+        -------
+        Route
+            With a reason in its place if nothing leads there. A start or goal that is nearer to
+            what is fixed than the least clearance is joined to the nearest water in sight; a start
+            where it is forbidden leaves by the shortest way.
+        """
+        start, goal = _pair(start_N), _pair(goal_N)
+        if self.is_free:
+            places = np.array([start, goal])
+            return Route(places_N=places, cost_m=math.dist(start, goal))
+        why = self.static_map.why(np.array(goal))
+        if why or not self.static_map.leaves_water:
+            return Route(reason=f"the goal is {why}" if why else "the map leaves no water")
+        drift = STILL if drift_N is None else _pair(drift_N)
+        end = 0
+        for window in self._windows(start, goal):
+            end, places_N, cost_m = self._found(window, start, goal, drift)
+            if end == 0:
+                return Route(places_N=places_N, cost_m=cost_m)
+        return Route(reason=_ENDS[end])
+
+    def clearance(self, a_N: Float64, b_N: Float64) -> float:
+        """[m] Give the least distance from a straight way to what is fixed; 0 if it meets any.
+
+        Infinite if nothing is fixed. Both ends must be near the last route (`covers`).
+        """
+        return (
+            math.inf if self._planner is None else self._planner.clearance(_pair(a_N), _pair(b_N))
+        )
+
+    def covers(self, place_N: Float64) -> bool:
+        """Tell whether a place is in the part of the map that was searched last."""
+        return self._planner is not None and self._planner.covers(_pair(place_N))
+
+    def _windows(
+        self, start: tuple[float, float], goal: tuple[float, float]
+    ) -> Iterator[tuple[float, float, float]]:
+        """Give squares to search, one after another: north and east of a corner, side [m].
+
+        Corners and sides are whole multiples of a length, so that a vessel under way stays in one
+        square.
+        """
+        margin = 8.0 * self.settings.clearance_m
+        ends = np.array([start, goal])
+        low = np.minimum(self._low, ends.min(axis=0)) - margin
+        high = np.maximum(self._high, ends.max(axis=0)) + margin
+        whole = _square(low, high)
+        away = math.dist(start, goal)
+        for reach in (max(300.0, 0.5 * away), max(1200.0, 2.0 * away)):
+            window = _square(ends.min(axis=0) - reach, ends.max(axis=0) + reach)
+            if whole[2] > max(WHOLE_M, window[2]):
+                yield window
+        yield whole
+
+    def _found(
+        self,
+        window: tuple[float, float, float],
+        start: tuple[float, float],
+        goal: tuple[float, float],
+        drift: tuple[float, float],
+    ) -> tuple[int, Float64, float]:
+        """Search a part of the map; its cells grow until there are not too many."""
+        if window != self._window or self._planner is None:
+            self._window, self._planner = window, self._divided(window, self._finest_m)
+        while True:
+            end, places_N, cost_m, _ = self._planner.find(start, goal, drift)
+            if end < len(_ENDS):
+                return end, places_N, cost_m
+            self._finest_m *= 2.0
+            self._planner = self._divided(window, self._finest_m)
+
+    def _divided(self, window: tuple[float, float, float], finest_m: float) -> RoutePlanner:
+        """Make a planner for a part of the map, with cells of this size [m] at least."""
+        settings = self.settings
+        planner = RoutePlanner(
+            least=settings.least_clearance_m,
+            wanted=settings.clearance_m,
+            nearness=settings.nearness,
+            finest=finest_m,
+            coarsest=max(2.0 * settings.clearance_m, finest_m),
+            drift_s=settings.drift_s,
+            escape=settings.escape_m,
+            most=MOST_CELLS,
+        )
+        planner.divide(self.static_map.edges, self.walls, window[:2], window[2])
+        return planner
+
+
+def _square(low: Float64, high: Float64) -> tuple[float, float, float]:
+    """Give the square of whole multiples of 64 m, or of a sixteenth of it, that holds a box."""
+    side = float(np.max(high - low))
+    unit = max(64.0, 2.0 ** math.floor(math.log2(max(side, 1.0) / 16.0)))
+    north, east = (math.floor(value / unit) * unit for value in low.tolist())
+    tops = high.tolist()
+    side = max(tops[0] - north, tops[1] - east)
+    return north, east, math.ceil(side / unit) * unit
+
+
+def _pair(place: Float64) -> tuple[float, float]:
+    return float(place[0]), float(place[1])
