@@ -206,7 +206,6 @@ def _print(rows: dict[str, dict[str, dict[str, Any]]]) -> None:
         ("switches", "identity_switches"),
         ("false/min", "false_tracks_per_minute"),
         ("first [s]", "time_to_first_track_s"),
-        ("NEES in 95 %", "nees"),
         ("run [s]", "seconds"),
     )
     for title, _ in columns:
@@ -221,15 +220,18 @@ def _print(rows: dict[str, dict[str, dict[str, Any]]]) -> None:
             rms = math.sqrt(sum(e * e for e in errors) / len(errors))
             table.add_row("all", name, f"{rms:.2f}")
     Console().print(table)
+    for recording, trackers in rows.items():
+        for name, figures in trackers.items():
+            if figures.get("nees"):
+                words = ", ".join(_within(*item) for item in figures["nees"].items())
+                print(f"NEES below its 95 % point, {recording}, {name}: {words}")
 
 
-def _within(name: str, value: Any) -> str:
-    if isinstance(value, dict):  # the NEES after a sensor's records
-        return f"{name} {100.0 * value['in_95_band']:.0f} %"
-    return "-" if value is None else f"{value:.0f}"
+def _within(sensor: str, nees: dict[str, float]) -> str:
+    return f"{sensor} {100.0 * nees['in_95_band']:.0f} % (mean {nees['mean']:.1f} of 2)"
 
 
 def _cell(value: Any) -> str:
     if isinstance(value, dict):
-        return ", ".join(_within(name, v) for name, v in value.items())
+        return ", ".join("-" if v is None else f"{v:.0f}" for v in value.values())
     return "" if value is None else f"{value:.2f}" if isinstance(value, float) else str(value)

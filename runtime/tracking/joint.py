@@ -34,6 +34,8 @@ LIKELY = 1e-4
 """[-] Pairs less probable than this are left out of the mixture."""
 MOST_EXISTENCE, LEAST_VISIBLE, MOST_VISIBLE = 0.9999, 0.02, 0.999
 """[-] Nothing is ever quite certain."""
+EVERYWHERE_PER_RAD = 1.0
+"""[1/rad] Where bearings of nothing are denser, one that fits does not tell a track from land."""
 DOUBLE_M, DOUBLE_MPS, TENTATIVE_MPS = 6.0, 2.0, 7.0
 """[m], [m/s] Tracks that differ by less are one; the last is for those never reported."""
 
@@ -69,7 +71,8 @@ def take_look(
     density = clutter.density(distance)
     chance = chances(tracks, look, source, existence)
     beta = association_marginals(_weights(tracks, look, source, chance, density, gate_sigma))
-    _correct(tracks, look, source, chance, beta)
+    tells = source.measures == "position" or bool((density < EVERYWHERE_PER_RAD).all())
+    _correct(tracks, look, source, chance, beta, tells=tells)
     settled = [track.detections >= existence.settled_hits for track in tracks]
     held = beta[settled].sum(axis=0)
     clutter.learn(stamp_ns, distance, 1.0 - np.minimum(held, 1.0))
@@ -156,8 +159,10 @@ def _correct(
     source: SourceSettings,
     chance: Float64,
     beta: Float64,
+    *,
+    tells: bool,
 ) -> None:
-    """Let each track take in what a look says of it."""
+    """Let each track take in what a look says of it; if it `tells`, that the source has seen it."""
     if not tracks:
         return
     sums = beta.sum(axis=1)
@@ -167,7 +172,8 @@ def _correct(
         if detected[k] > 0.5:
             track.age_s = 0.0
             track.detections += 1
-            track.sources |= {look.source}
+            if tells:
+                track.sources |= {look.source}
             if any(source.shape_m):
                 track.shape_m2 = np.square(source.shape_m)
     likely = beta > LIKELY

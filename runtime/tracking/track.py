@@ -56,7 +56,11 @@ class ExistenceSettings(Settings, frozen=True, kw_only=True):
     confirm: Fraction = 0.999
     """[-] A track that exists with this probability is reported,"""
     report: Fraction = 0.4
-    """[-] for as long as it exists with this one."""
+    """[-] for as long as it exists with this one,"""
+    report_new: Fraction = 0.4
+    """[-] or with this one until it has been detected"""
+    new_hits: Count = 12
+    """[-] so often: what soon is not seen any more was clutter."""
     drop: Fraction = 0.05
     """[-] Below this it is dropped."""
     drop_tentative: Fraction = 0.0007
@@ -264,6 +268,11 @@ def in_sector(
     bearing = np.arctan2(offset_N[:, 1], offset_N[:, 0])
     inside: NDArray[np.bool_] = (bearing - heading - first) % (2.0 * math.pi) <= width
     return inside
+
+
+def least_reported(track: Track, settings: ExistenceSettings) -> float:
+    """Give with which probability a track must exist to be reported."""
+    return settings.report_new if track.detections < settings.new_hits else settings.report
 
 
 def has_moved(track: Track, settings: ExistenceSettings) -> bool:

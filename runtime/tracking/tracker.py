@@ -85,6 +85,7 @@ from twinscrew.runtime.tracking.track import (
     has_moved,
     is_absorbed,
     is_born,
+    least_reported,
     lives,
     sigma_m,
     states,
@@ -245,7 +246,9 @@ class Tracker:
         reported = [
             Track.restored(track.saved())
             for track in self._tracks
-            if track.confirmed and track.part_of is None and track.existence >= existence.report
+            if track.confirmed
+            and track.part_of is None
+            and track.existence >= least_reported(track, existence)
         ]
         if not reported or self._last_ns is None:
             return []
