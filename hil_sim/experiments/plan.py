@@ -37,7 +37,7 @@ class SetSettings(Settings, frozen=True, kw_only=True):
     name: Name
     """What tables call it."""
     scenario: str = "random"
-    """A name in config/scenarios, or a file."""
+    """A name in config/scenarios, SERIES:CASE (`hil_sim.scenario.SERIES`), or a file."""
     vessels: Vessels | None = None
     """[-] None: the scenario says it."""
     buoys: Buoys | None = None
@@ -213,6 +213,8 @@ class Experiment(Settings, frozen=True, kw_only=True):
     sensor: str = "vrx32"
     variants: tuple[Switches, ...] = ((),)
     """Switches of each variant (`ablations`); () is the full simulator."""
+    suite: str = ""
+    """The suite it is (`suites.SUITES`), whose figures are counted; empty: none."""
 
 
 class Key(NamedTuple):

@@ -21,25 +21,31 @@ import numpy as np
 
 from twinscrew.hil_sim.experiments.plan import Experiment, Key, SetSettings, episode_seed
 from twinscrew.hil_sim.scenario import Scenario
+from twinscrew.hil_sim.world import Touched
 from twinscrew.runtime.errors import NOT_THE_FORMAT, ConfigError, RecordingError
 from twinscrew.runtime.files import processor, replace_file
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.recording.recorder import software
 from twinscrew.runtime.settings import CONFIG_DIR, Settings, convert
 
-Cause = Literal["vessel", "buoy", "time"]
+Cause = Literal["vessel", "buoy", "quay", "fence", "time"]
+CAUSES: tuple[Cause, ...] = ("vessel", "buoy", "quay", "fence", "time")
+"""Why an episode fails: what was hit (a pile is a buoy; land, rocks and the ground are a quay), a
+fence or keep-out area entered, or time run out. Results of before version 0.6 call quays buoys."""
 
 
 class VesselRecord(Settings, frozen=True, kw_only=True):
     """How one vessel fared."""
 
-    outcome: Literal["goal", "collision", "timeout"]
-    touched: Literal["vessel", "buoy", "quay", "traffic"] | None = None
+    outcome: Literal["goal", "collision", "fence", "timeout"]
+    touched: Touched | None = None
     """What it hit, if it did."""
     travel_time_s: float
     """[s] Simulated time to the outcome."""
     closest_approach_m: float | None
     """[m] Least distance to another's surface while under way; None if nobody else is there."""
+    greatest_current_mps: float = 0.0
+    """[m/s] The fastest water it was in."""
     energy_ns: float
     """[N s] Integral of |T| dt over both propellers."""
     decisions: int
@@ -85,6 +91,8 @@ class EpisodeRecord(Settings, frozen=True, kw_only=True):
     cause: Cause | None
     """Why it failed, by its first failure."""
     vessels: tuple[VesselRecord, ...]
+    kind: str = ""
+    """What was drawn, where the set draws several kinds."""
     encounters: tuple[EncounterRecord, ...]
     decisions_sha256: str
     """Over all vessels' decisions: equal if and only if all were equal bit for bit."""
@@ -187,7 +195,7 @@ def origin() -> Origin:
 
 def _differences(there: Experiment, asked: Mapping[str, Any]) -> Iterator[str]:
     """Tell what was asked for that the results are not of; they may grow."""
-    for key in ("sets", "seed", "sensor"):
+    for key in ("sets", "seed", "sensor", "suite"):
         before = getattr(there, key)
         if key in asked and asked[key] != before:
             yield f"{key} {_plain(before)}, not {_plain(asked[key])}"

@@ -58,6 +58,35 @@ def goal(
 
 
 @app.command()
+def hold(
+    north: Annotated[float, typer.Option(help="[m] North of the local frame's origin.")],
+    east: Annotated[float, typer.Option(help="[m] East of it.")],
+    heading: Annotated[
+        float | None,
+        typer.Option(help="[deg] Where the bow is to point; without it into wind and current."),
+    ] = None,
+    config: Config = None,
+) -> None:
+    """Send a place to stay at (geometry_msgs/PoseStamped), in the place of all goals before."""
+    import math
+
+    import numpy as np
+
+    from twinscrew.runtime.errors import ConfigError
+    from twinscrew.runtime.messages import cdr
+    from twinscrew.runtime.messages.types import Station
+
+    if not (abs(north) < 1e8 and abs(east) < 1e8):
+        raise ConfigError(f"north {north}, east {east} is no place on the water", key="hold")
+    if heading is not None and not abs(heading) <= 360.0:
+        raise ConfigError(f"must be in [-360, 360] deg, got {heading:g}", key="--heading")
+    bow = None if heading is None else math.radians(heading)
+    place = Station(stamp_ns=0, position_N=np.array([north, east]), heading=bow)
+    with _bus(config, "hold") as bus:
+        bus.publish("hold", cdr.encode_station(place))
+
+
+@app.command()
 def stop(config: Config = None) -> None:
     """Take all goals back (an empty nav_msgs/Path): the boat stops."""
     import numpy as np

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -12,6 +13,8 @@ from twinscrew.runtime.ground.orders import (
     DEGREES_PER_UNIT,
     LOCAL,
     METRES_PER_UNIT,
+    NO_WAITING,
+    NOT_SAILED,
     ON_EARTH,
     Fault,
     FollowRoute,
@@ -29,6 +32,7 @@ from twinscrew.runtime.messages.types import Float64
 
 
 WAYPOINT = int(mavlink.MAV_CMD_NAV_WAYPOINT)
+HOLD = int(mavlink.MAV_CMD_NAV_LOITER_UNLIM)
 ABSOLUTE = frozenset({mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT})
 """Frames whose heights count from the sea."""
 _FARTHEST = 2**31 - 1
@@ -51,11 +55,23 @@ class Item:
 
     def place(self, frames: GoalFrames) -> Float64 | Fault:
         """Give where it is, (2,) [m] [N], or why it cannot be sailed."""
-        if self.command != WAYPOINT:
-            return Fault.COMMAND
-        if self.params[0] > 0.0:
-            return Fault.HOLD
+        if self.command not in (WAYPOINT, HOLD):
+            return NOT_SAILED
+        if self.command == WAYPOINT and self.params[0] > 0.0:
+            return NO_WAITING
         return frames.place_of_integers(self.frame, self.x, self.y)
+
+    @property
+    def holds(self) -> bool:
+        """Whether the vessel is to stay there."""
+        return self.command == HOLD
+
+    @property
+    def heading(self) -> float | None:
+        """[rad] Where its bow is to point while it stays: param 4 [deg]; None for 0 or NaN."""
+        yaw_deg = self.params[3]
+        told = self.holds and math.isfinite(yaw_deg) and yaw_deg != 0.0
+        return math.radians(yaw_deg) if told else None
 
     def message(self, station: tuple[int, int], seq: int, *, current: bool) -> Message:
         """Give the message that tells it to a station."""
@@ -141,7 +157,8 @@ class StoredMission:
             place = item.place(self._frames)
             if isinstance(place, Fault):
                 return place
-            way.append(Waypoint(seq, *place.tolist()))
+            north, east = place.tolist()
+            way.append(Waypoint(seq, north, east, item.holds, item.heading))
         self.items, self.way = items, tuple(way)
         self.current = way[0].seq if way else 0
         there, none = mavlink.MISSION_STATE_NOT_STARTED, mavlink.MISSION_STATE_NO_MISSION
@@ -373,7 +390,8 @@ class MissionServer:
             self.complaints.append(f"goal refused: {place.words}")
             return
         north, east = place.tolist()
-        self.orders.append(GoTo(station[0], north, east))
+        goal = GoTo(station[0], north, east, holds=item.holds, heading=item.heading)
+        self.orders.append(goal)
         self._acknowledge(station, mavlink.MAV_MISSION_ACCEPTED)
 
     def _complete(self, upload: Upload) -> None:

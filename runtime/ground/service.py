@@ -19,7 +19,7 @@ from twinscrew.runtime.ground.report import GroundReport
 from twinscrew.runtime.ground.stations import Stations
 from twinscrew.runtime.mavlink import Message
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.types import Float64, Goal, Odometry, Severity
+from twinscrew.runtime.messages.types import Float64, Goal, Odometry, Severity, Station
 
 Feed = Callable[[str, bytes], None]
 """Takes a topic and a payload: hands them to the core, and keeps them for a replay."""
@@ -65,10 +65,14 @@ class StationGoals:
         self._order = -1
         self._reached = 0
         self._news: list[Message] = []
-        self._going: Float64 | None = None
+        self._going: tuple[Float64, GoTo] | None = None
+        self._leg: tuple[Waypoint, ...] = ()
+        self._then: tuple[Waypoint, ...] = ()
 
     def carry_out(self, feed: Feed, stamp_ns: int) -> None:
         """Feed the core what was ordered since the last call."""
+        if self._then and self._is_ours and self._reached == len(self._leg):
+            self._sail(self._then, feed, stamp_ns)
         for order in self._stations.orders():
             self._one(order, feed, stamp_ns)
 
@@ -76,7 +80,7 @@ class StationGoals:
         """Give what stations are to be told of the mission since the last call."""
         if self._sailing is not None:
             if self._is_ours:
-                self._follow(self._sailing.way)
+                self._follow(self._leg)
             else:
                 self._interrupt()
         news, self._news = self._news, []
@@ -94,8 +98,9 @@ class StationGoals:
         if not new:
             return
         mission.current = way[min(reached, len(way) - 1)].seq
+        over = reached == len(way) and not self._then and not way[-1].holds
         states = mavlink.MISSION_STATE_ACTIVE, mavlink.MISSION_STATE_COMPLETE
-        mission.state = int(states[reached == len(way)])
+        mission.state = int(states[over])
         self._news += [mavlink.MAVLink_mission_item_reached_message(place.seq) for place in new]
         self._news.append(mission.told())
 
@@ -103,25 +108,47 @@ class StationGoals:
         if isinstance(order, GoTo):
             self._go_to(order, feed, stamp_ns)
         elif isinstance(order, FollowRoute):
-            places = [(waypoint.north_m, waypoint.east_m) for waypoint in order.way]
-            self._give("route", self._path(np.array(places), stamp_ns), feed)
-            self._sailing, self._reached, self._going = order, 0, None
+            self._sail(order.way, feed, stamp_ns)
+            self._sailing, self._going = order, None
             self._stations.server.mission.state = int(mavlink.MISSION_STATE_ACTIVE)
         elif isinstance(order, Pause) and self._sailing is not None and self._is_ours:
             self._give("route", self._path(np.empty((0, 2)), stamp_ns), feed)
             self._going = None
             self._interrupt()
 
+    def _sail(self, way: tuple[Waypoint, ...], feed: Feed, stamp_ns: int) -> None:
+        """Sail up to the first place at which the vessel is to stay; or stay there."""
+        count = next((k for k, place in enumerate(way) if place.holds), len(way))
+        self._leg, self._then = way[: max(count, 1)], way[count:] if count else ()
+        self._reached = 0
+        places = np.array([(place.north_m, place.east_m) for place in self._leg])
+        if count:
+            self._give("route", self._path(places, stamp_ns), feed)
+        else:
+            self._hold(places[0], way[0].heading, feed, stamp_ns)
+
+    def _hold(self, place_N: Float64, heading: float | None, feed: Feed, stamp_ns: int) -> None:
+        station = Station(
+            stamp_ns=stamp_ns, position_N=place_N, heading=heading, frame_id=self._frame_id
+        )
+        self._give("hold", cdr.encode_station(station), feed)
+
     def _go_to(self, order: GoTo, feed: Feed, stamp_ns: int) -> None:
         place_N = self._place_N(order)
         if place_N is None:
             self._stations.server.complaints.append("goal refused: where the boat is is unknown")
             return
-        if self._is_ours and self._going is not None and _apart_m(place_N, self._going) < SAME_M:
-            return
-        goal = Goal(stamp_ns=stamp_ns, position_N=place_N)
-        self._give("goal", cdr.encode_goal(goal, frame_id=self._frame_id), feed)
-        self._going = place_N
+        if self._is_ours and self._going is not None:
+            going_N, last = self._going
+            alike = (order.holds, order.heading) == (last.holds, last.heading)
+            if alike and _apart_m(place_N, going_N) < SAME_M:
+                return
+        if order.holds:
+            self._hold(place_N, order.heading, feed, stamp_ns)
+        else:
+            goal = Goal(stamp_ns=stamp_ns, position_N=place_N)
+            self._give("goal", cdr.encode_goal(goal, frame_id=self._frame_id), feed)
+        self._going = place_N, order
         self._interrupt()
 
     @property

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from twinscrew.runtime.charts.static_map import StaticMap
 from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.ground.missions import MissionServer, Station
 from twinscrew.runtime.ground.orders import (
+    BAD_FRAME,
     DEGREES_PER_UNIT,
     LOCAL,
     METRES_PER_UNIT,
     ON_EARTH,
+    TOO_FAR,
     Fault,
     GoalFrames,
     GoTo,
@@ -61,16 +65,16 @@ def position_target(message: Message, frames: GoalFrames) -> GoTo | Refusal:
     station = message.get_srcSystem()
     if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT":
         if message.coordinate_frame not in ON_EARTH:
-            return f"goal refused: {Fault.FRAME.words}"
+            return f"goal refused: {BAD_FRAME.words}"
         x, y = message.lat_int * DEGREES_PER_UNIT, message.lon_int * DEGREES_PER_UNIT
         return _go(station, frames, message.coordinate_frame, x, y)
     relative = RELATIVE.get(message.coordinate_frame)
     if relative is None:
-        return f"goal refused: {Fault.FRAME.words}"
+        return f"goal refused: {BAD_FRAME.words}"
     if relative is Relative.ORIGIN:
         return _go(station, frames, LOCAL, message.x, message.y)
     if not math.hypot(message.x, message.y) <= GREATEST_RELATIVE_M:
-        return f"goal refused: {Fault.FAR.words}"
+        return f"goal refused: {TOO_FAR.words}"
     return GoTo(station, message.x, message.y, relative)
 
 
@@ -90,6 +94,7 @@ class StationCommands:
         self._frames = frames
         self._handlers: dict[int, Callable[[Message], int]] = {
             mavlink.MAV_CMD_DO_REPOSITION: self._reposition,
+            mavlink.MAV_CMD_NAV_LOITER_UNLIM: self._hold_here,
             mavlink.MAV_CMD_MISSION_START: self._start,
             mavlink.MAV_CMD_DO_SET_MISSION_CURRENT: self._start,
             mavlink.MAV_CMD_DO_PAUSE_CONTINUE: self._pause,
@@ -117,7 +122,19 @@ class StationCommands:
         if isinstance(order, str):
             self._server.complaints.append(order)
             return DENIED
+        yaw = message.param4
+        if math.isfinite(yaw) and yaw != 0.0:  # a yaw of 0 is what stations send that mean none
+            if abs(yaw) > 2.0 * math.pi + 1e-3:
+                self._server.complaints.append("goal refused: the yaw is in radians, up to 2 pi")
+                return DENIED
+            order = replace(order, holds=True, heading=yaw)
         self._server.orders.append(order)
+        return ACCEPTED
+
+    def _hold_here(self, message: Message) -> int:
+        """Stay where the vessel is: what ArduPilot's LOITER mode does."""
+        station = message.get_srcSystem()
+        self._server.orders.append(GoTo(station, 0.0, 0.0, Relative.VESSEL, holds=True))
         return ACCEPTED
 
     def _start(self, message: Message) -> int:
@@ -174,6 +191,15 @@ class Stations:
         self._complained_s: dict[int, float] = {}
         self._told_s = -math.inf
         self._now_s = -math.inf
+
+    @property
+    def chart(self) -> StaticMap:
+        """What is fixed around the boat: what orders may ask for depends on it."""
+        return self._frames.chart
+
+    @chart.setter
+    def chart(self, chart: StaticMap) -> None:
+        self._frames.chart = chart
 
     def take(self, message: Message, now_s: float) -> None:
         """Take a message from anybody but the autopilot; most are not for us."""

@@ -18,6 +18,7 @@ from twinscrew.runtime.messages.marine import (
     encode_sentence,
 )
 from twinscrew.runtime.messages.navigation import (
+    decode_chart,
     decode_clock,
     decode_enable,
     decode_engagement,
@@ -27,7 +28,9 @@ from twinscrew.runtime.messages.navigation import (
     decode_imu,
     decode_odometry,
     decode_path,
+    decode_station,
     decode_thrust,
+    encode_chart,
     encode_clock,
     encode_enable,
     encode_engagement,
@@ -37,6 +40,7 @@ from twinscrew.runtime.messages.navigation import (
     encode_imu,
     encode_odometry,
     encode_path,
+    encode_station,
     encode_thrust,
 )
 from twinscrew.runtime.messages.point_cloud import decode_point_cloud, encode_point_cloud
@@ -55,6 +59,7 @@ from twinscrew.runtime.messages.visual import (
 __all__ = [
     "Shape",
     "Transform",
+    "decode_chart",
     "decode_clock",
     "decode_decision",
     "decode_diagnostics",
@@ -70,7 +75,9 @@ __all__ = [
     "decode_point_cloud",
     "decode_radar_scan",
     "decode_sentence",
+    "decode_station",
     "decode_thrust",
+    "encode_chart",
     "encode_clock",
     "encode_decision",
     "encode_detections",
@@ -89,6 +96,7 @@ __all__ = [
     "encode_radar_scan",
     "encode_sentence",
     "encode_shapes",
+    "encode_station",
     "encode_thrust",
     "encode_track_markers",
     "encode_transforms",

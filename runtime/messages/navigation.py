@@ -16,10 +16,14 @@ from twinscrew.runtime.geometry import (
     attitude_enu_flu_to_ned_frd,
     attitude_ned_frd_to_enu_flu,
     enu_to_ned,
+    euler_from_quaternion,
     flu_to_frd,
+    quaternion_from_euler,
 )
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
+    Chart,
+    ChartFeature,
     Engagement,
     Fallback,
     Fix,
@@ -27,6 +31,7 @@ from twinscrew.runtime.messages.types import (
     Goal,
     Imu,
     Odometry,
+    Station,
 )
 from twinscrew.runtime.messages.wire import (
     FLAG,
@@ -37,7 +42,9 @@ from twinscrew.runtime.messages.wire import (
     Layout,
     Reader,
     Writer,
+    array,
     choice,
+    number,
 )
 
 # -- `std_msgs/Header` and `builtin_interfaces/Time`: what nearly every message starts with.
@@ -203,13 +210,53 @@ def encode_goal(goal: Goal, *, frame_id: str | None = None) -> bytes:
     return writer.payload()
 
 
+def decode_station(payload: bytes | memoryview) -> Station:
+    """Read a geometry_msgs/PoseStamped: where to stay, and where the bow is to point.
+
+    Of the attitude only the yaw counts. A quaternion of four zeros, which is no attitude, asks for
+    none: the bow then points into wind and current.
+
+    Raises
+    ------
+    MessageError
+        Not such a message, a number is not finite or absurd, or the quaternion is neither four
+        zeros nor a unit quaternion.
+    """
+    reader = Reader(payload, GOAL_TYPE)
+    stamp_ns, frame_id = read_header(reader)
+    x, y, _, qx, qy, qz, qw = reader.values("7d", 8)
+    reader.end()
+    check_numbers(reader, (x, y, qx, qy, qz, qw))
+    heading = None
+    if any((qx, qy, qz, qw)):
+        heading = euler_from_quaternion(attitude_enu_flu_to_ned_frd(unit(reader, qw, qx, qy, qz)))[
+            2
+        ]
+    return Station(
+        stamp_ns=stamp_ns, position_N=np.array((y, x)), heading=heading, frame_id=frame_id
+    )
+
+
+def encode_station(station: Station) -> bytes:
+    """Write a geometry_msgs/PoseStamped in ENU; no heading becomes a quaternion of four zeros."""
+    writer = Writer()
+    write_header(writer, station.stamp_ns, station.frame_id)
+    north, east = station.position_N.tolist()
+    w = x = y = z = 0.0
+    if station.heading is not None:
+        q_NB = quaternion_from_euler(0.0, 0.0, station.heading)
+        w, x, y, z = attitude_ned_frd_to_enu_flu(q_NB).tolist()
+    writer.values("7d", 8, east, north, 0.0, x, y, z, w)
+    return writer.payload()
+
+
 def check_numbers(reader: Reader, numbers: Iterable[float]) -> None:
     """Refuse numbers that are not finite, or greater than anything on the water."""
-    for number in numbers:
-        if not math.isfinite(number):
+    for value in numbers:
+        if not math.isfinite(value):
             raise reader.fail("a number is not finite")
-        if abs(number) > GREATEST:
-            raise reader.fail(f"{number:g} cannot be: the greatest number allowed is {GREATEST:g}")
+        if abs(value) > GREATEST:
+            raise reader.fail(f"{value:g} cannot be: the greatest number allowed is {GREATEST:g}")
 
 
 def unit(reader: Reader, w: float, x: float, y: float, z: float) -> Array:
@@ -545,6 +592,48 @@ def encode_fallback(fallback: Fallback) -> bytes:
 def decode_fallback(payload: bytes | memoryview) -> Fallback:
     """Read a twinscrew_msgs/Fallback; a `MessageError` if it is none."""
     return _FALLBACK.decode(payload)
+
+
+CHART_TYPE: Final = "twinscrew_msgs/msg/Chart"
+CHART_KINDS: Final = ("land", "keep_out", "depth", "hazard", "fence")
+_SMALLEST_FEATURE: Final = 32
+"""[B] A feature without a name and without places, without padding."""
+
+
+class _Ring(NamedTuple):
+    places: Float64
+
+
+_RINGS: Final = Layout(_Ring, places=array(np.float64, 2)).sequence(4)
+_CHART: Final = Layout(
+    Chart,
+    CHART_TYPE,
+    stamp_ns=STAMP,
+    safety_depth_m=number("d"),
+    features=Layout(
+        ChartFeature,
+        kind=choice(CHART_KINDS, "kind of feature"),
+        keep_in=FLAG,
+        depth_m=number("d"),
+        radius_m=number("d"),
+        name=STRING,
+        outline_N=array(np.float64, 2),
+        holes_N=Kind(
+            lambda reader: tuple(ring.places for ring in _RINGS.read(reader)),
+            lambda writer, holes: _RINGS.write(writer, [_Ring(hole) for hole in holes]),
+        ),
+    ).sequence(_SMALLEST_FEATURE),
+)
+
+
+def encode_chart(chart: Chart) -> bytes:
+    """Write a twinscrew_msgs/Chart."""
+    return _CHART.encode(chart)
+
+
+def decode_chart(payload: bytes | memoryview) -> Chart:
+    """Read a twinscrew_msgs/Chart; a `MessageError` if it is none."""
+    return _CHART.decode(payload)
 
 
 def encode_enable(enable: bool) -> bytes:

@@ -116,6 +116,31 @@ class Goal:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Station:
+    """A place at which the vessel has to stay."""
+
+    stamp_ns: int
+    """[ns] When it was set."""
+    position_N: Float64
+    """[m] [N] (2,) North, east; of an order that names another frame, that frame's y and x."""
+    heading: float | None = None
+    """[rad] [N] Where the bow is to point, clockwise from north (from y in another frame); None:
+    into wind and current."""
+    frame_id: str = ""
+    """The frame that the order names; empty: that of the odometry."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Berth:
+    """A face of a quay or a pontoon at which the vessel has to lie alongside."""
+
+    stamp_ns: int
+    """[ns] When it was set."""
+    face_N: Float64
+    """[m] [N] (2, 2) The face's ends, on the water's edge; the bow is to point to the second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Engagement:
     """Whether thrust commands may act: armed, in the right mode, nothing stale."""
 
@@ -135,6 +160,38 @@ class Fallback:
     """"none", "slow", "hold", "stop" or "hand_over"."""
     reason: str = ""
     """Plain words: which quantities, which limits."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChartFeature:
+    """Something fixed: an area, or a circle."""
+
+    kind: str
+    """"land", "keep_out", "depth", "hazard" or "fence"."""
+    keep_in: bool
+    """True for an inclusion fence: it is forbidden outside."""
+    depth_m: float
+    """[m] The least depth of water, for "depth"; negative where it dries, -inf: not known."""
+    radius_m: float
+    """[m] Of a circle; 0 for an area."""
+    name: str
+    """What people call it."""
+    outline_N: Float64
+    """[m] [N] (M, 2) Vertices, or the circle's centre alone."""
+    holes_N: tuple[Float64, ...] = ()
+    """[m] [N] each (M, 2)"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chart:
+    """What is fixed around the boat, all of it."""
+
+    stamp_ns: int
+    """[ns] When it changed."""
+    safety_depth_m: float
+    """[m] Water of less depth is forbidden."""
+    features: tuple[ChartFeature, ...]
+    """In the order in which they came."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -255,6 +312,9 @@ class Observation:
     hull: Float32 | None = None
     """(10,) The own hull, as `policy.hull_units.HULL_COLUMNS` says. None: the policy is told
     nothing of it, or it is not known here."""
+    contour: Float32 | None = None
+    """(32,) [m] How far off the nearest edge of what is fixed is in each sector, clockwise from
+    straight ahead (`charts.contour`). None: the policy takes none."""
 
 
 class Severity(Enum):

@@ -89,8 +89,32 @@ GOAL_SET = _info("goal_set", "A new goal was accepted.")
 GOAL_FRAME = _warning(
     "goal_frame", "A goal is in a frame whose place is not known: it is not taken."
 )
+GOAL_FORBIDDEN = _warning(
+    "goal_forbidden",
+    "A goal is on land, in water too shallow, or beyond a fence: it is not taken, or taken back.",
+)
+CHART_CHANGED = _info("chart_changed", "What is fixed around the boat is known anew: its features.")
+PLACE_FORBIDDEN = _warning(
+    "place_forbidden", "The boat is where the chart or a fence forbids it to be; told at entry."
+)
+PLACE_ALLOWED = _info("place_allowed", "The boat is where it may be again.")
+FENCES_REFUSED = _warning(
+    "fences_refused", "Fences that came cannot be honoured: those before them stay."
+)
 WAYPOINT_REACHED = _info("waypoint_reached", "A waypoint is reached; the next one is the goal.")
 GOAL_REACHED = _info("goal_reached", "The last goal is reached: neutral thrust.")
+STATION_SET = _info("station_set", "A place to hold was accepted.")
+STATION_HELD = _info("station_held", "The vessel is at the place that it is to hold.")
+STATION_LEFT = _warning(
+    "station_left", "The vessel was driven off the place that it holds; it goes back."
+)
+STATION_HEADING = _warning(
+    "station_heading",
+    "The hull cannot hold the heading that was asked for in this wind or current.",
+)
+STATION_REFUSED = _warning(
+    "station_refused", "A place to hold, or a berth, cannot be one: the order before it counts."
+)
 TRIAL_BEGUN = _info("trial_begun", "A trial has begun, within the box of water that is named.")
 TRIAL_MANOEUVRE = _info("trial_manoeuvre", "The trial goes on to the manoeuvre that is named.")
 TRIAL_DONE = _info("trial_done", "The trial was sailed to its end: neutral thrust.")

@@ -107,6 +107,7 @@ def explain(
     *,
     engaged: bool,
     assurance: str = "",
+    holding: bool = False,
 ) -> Explanation:
     """Say what a decision does and why.
 
@@ -122,12 +123,18 @@ def explain(
         Whether the thrust acts.
     assurance
         What the assurance does instead of the policy's command (`assurance_manoeuvre`).
+    holding
+        Whether it is to stay at the goal, and is near enough to do so.
     """
     failures = [event for event in decision.events if event.name in _FAILURES]
     if failures:
         why = failures[0]
         return _said(decision, f"Propellers at rest: {why.name.replace('_', ' ')}, {why.detail}.")
-    if decision.arrived:
+    if holding and engaged and not assurance and goal_N is not None:
+        action = _action(decision.thrust, odometry)
+        off_m = _distance(odometry, goal_N)
+        return _said(decision, f"Holding its place, {off_m:.1f} m off, {action}.")
+    if decision.arrived and not holding:
         off = "" if goal_N is None else f", {_distance(odometry, goal_N):.1f} m from the goal"
         return _said(decision, f"Arrived: propellers at rest{off}.")
     if goal_N is None:

@@ -123,6 +123,8 @@ def files_of(source: Path, config: RuntimeConfig) -> list[Path]:
     files.append(shipped("autopilot", "ardurover", ".parm"))
     if config.bus.config_file is not None:
         files.append(Path(config.bus.config_file))
+    if config.chart.file:
+        files.append(Path(config.chart.file))
     return files
 
 

@@ -13,6 +13,7 @@ from msgspec import Meta
 from msgspec.structs import replace
 
 from twinscrew.runtime.bus.zenoh import ZenohSettings
+from twinscrew.runtime.charts.chart import ChartSettings
 from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.estimation.estimator import EstimationSettings
@@ -37,6 +38,7 @@ from twinscrew.runtime.vessel.hull_settings import hull_settings
 from twinscrew.runtime.vessel.inputs import AlignmentSettings, OdometryBufferSettings
 from twinscrew.runtime.vessel.mission import MissionSettings
 from twinscrew.runtime.vessel.process import PrioritySettings
+from twinscrew.runtime.vessel.station import StationSettings
 from twinscrew.runtime.vessel.trial import TrialSettings
 from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
 
@@ -78,6 +80,7 @@ class RuntimeConfig(Settings, frozen=True):
     20 Hz). Less often, neutral would not come within half a second of an input's loss."""
     thrust: ThrustLimits = ThrustLimits()
     mission: MissionSettings = MissionSettings()
+    station: StationSettings = StationSettings()
     trial: TrialSettings = TrialSettings()
     perception: PerceptionSettings = PerceptionSettings()
     tracking: TrackerSettings = TrackerSettings()
@@ -92,6 +95,7 @@ class RuntimeConfig(Settings, frozen=True):
     estimation: EstimationSettings = EstimationSettings()
     bus: ZenohSettings = ZenohSettings()
     autopilot: AutopilotSettings = AutopilotSettings()
+    chart: ChartSettings = ChartSettings()
     ground: GroundSettings = GroundSettings()
     priority: PrioritySettings = PrioritySettings()
     recording: RecordingSettings = RecordingSettings()
@@ -110,6 +114,8 @@ class RuntimeConfig(Settings, frozen=True):
             raise ValueError("ground.vessels_hz needs autopilot.datum: vessels lie on the earth")
         if self.senses.ais is not None and datum_of(self) is None:
             raise ValueError("senses.ais needs a datum: [senses.ais], [autopilot] or [estimation]")
+        if self.chart.file and datum_of(self) is None:
+            raise ValueError("chart.file needs [autopilot.datum]: it lies on the earth")
         if self.senses.nmea.connections and "nmea" not in sense_topics(self.senses):
             raise ValueError("senses.nmea.connections needs [senses.ais] or [senses.ttm]")
 

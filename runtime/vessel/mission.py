@@ -1,21 +1,35 @@
-"""The mission: goals that the vessel heads for, one after another."""
+"""The mission: goals that the vessel heads for, one after another, and the place where it stays."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Final, Literal
 
 import numpy as np
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.messages.types import Float64, Goal, HealthEvent, Odometry
+from twinscrew.runtime.messages.types import (
+    Float64,
+    Goal,
+    HealthEvent,
+    Odometry,
+    Station,
+)
 from twinscrew.runtime.safety.events import (
     GOAL_MISSING,
     GOAL_REACHED,
     GOAL_SET,
+    STATION_HELD,
+    STATION_LEFT,
+    STATION_SET,
     WAYPOINT_REACHED,
 )
 from twinscrew.runtime.settings import Positive, Settings
+
+KEPT_RADII: Final = 2.5
+"""[-] Within so many goal radii of its station a vessel keeps it; outside the policy drives there,
+as to a goal. Once there, it keeps it up to twice as far off."""
 
 
 class MissionSettings(Settings, frozen=True):
@@ -27,6 +41,9 @@ class MissionSettings(Settings, frozen=True):
     """[m] A goal is reached within this distance (parameters.md: 2.0 m)."""
     hold_station: bool = False
     """Head for the last goal again when the vessel has drifted twice the radius away from it."""
+    on_arrival: Literal["stop", "hold"] = "stop"
+    """What the vessel does at its last goal: propellers at rest, or hold the place. "hold" is also
+    how it then keeps its place outside its operational envelope."""
 
 
 class Mission:
@@ -46,31 +63,44 @@ class Mission:
         self._was_missing = False
         self._held: Goal | None = None
         self._off_place = False
+        self._station: Station | None = None
+        self._keeps = self._was_held = False
 
     @property
     def goal(self) -> Goal | None:
         """The goal to head for, reached or not; None if there is none."""
         if self._held is not None:
             return self._held
+        if self._station is not None:
+            return Goal(stamp_ns=self._station.stamp_ns, position_N=self._station.position_N)
         return self._goals[self._index] if self._goals else None
 
     @property
     def target(self) -> Goal | None:
         """The goal that is not reached yet; None if there is none."""
+        if self._place is not None:
+            return None if self._keeps else self.goal
         if self._held is not None:
             return self._held if self._off_place else None
         return None if self.arrived else self.goal
 
     @property
+    def station(self) -> Station | None:
+        """The place to keep now; None if there is none, or the vessel is still on its way there."""
+        return self._place if self._keeps else None
+
+    @property
     def ahead_N(self) -> Float64:
         """[m] [N] (K, 2) The goals that are not reached yet, in their order."""
         ahead = [] if self.arrived else self._goals[self._index :]
+        if self._station is not None:
+            return self._station.position_N.reshape(1, 2)
         return np.array([goal.position_N for goal in ahead]).reshape(-1, 2)
 
     @property
     def reached(self) -> int:
         """[-] How many goals of the last order have been reached."""
-        return self._index + self.arrived
+        return self._index + (self.arrived if self._station is None else self._was_held)
 
     def set_goal(self, goal: Goal) -> HealthEvent:
         """Replace all goals by one."""
@@ -87,10 +117,22 @@ class Mission:
         where = f"the last at north {north:.1f} m, east {east:.1f} m"
         return GOAL_SET.at(stamp_ns, f"{len(self._goals)} in a row, {where}")
 
+    def set_station(self, station: Station) -> HealthEvent:
+        """Replace all goals by a place to stay at."""
+        self._begin([])
+        self._station = station
+        north, east = station.position_N
+        bow = "into wind and current"
+        if station.heading is not None:
+            bow = f"{math.degrees(station.heading) % 360.0:.0f} deg"
+        words = f"north {north:.1f} m, east {east:.1f} m, bow {bow}"
+        return STATION_SET.at(station.stamp_ns, words)
+
     def hold(self, odometry: Odometry) -> None:
         """Keep the place where the vessel is, whatever the goals; they are kept for `resume`."""
         self._held = Goal(stamp_ns=odometry.stamp_ns, position_N=odometry.position_N[:2].copy())
         self._off_place = False
+        self._keeps = True
 
     @property
     def holds(self) -> bool:
@@ -101,8 +143,38 @@ class Mission:
         """Head for the goals again."""
         self._held = None
 
+    @property
+    def _place(self) -> Station | None:
+        """The place to stay at, if there is one, however far off."""
+        stays = self._settings.on_arrival == "hold"
+        if self._held is not None:
+            kept = self._held if stays else None
+        elif self._station is not None:
+            return self._station
+        else:
+            kept = self._goals[-1] if stays and self.arrived and self._goals else None
+        if kept is None:
+            return None
+        return Station(stamp_ns=kept.stamp_ns, position_N=kept.position_N)
+
+    def _stay(self, odometry: Odometry, place: Station) -> HealthEvent | None:
+        """Note whether the place can be kept from here, and say when it is held, or left."""
+        radius = self._settings.goal_radius_m
+        off_m = float(np.hypot(*(place.position_N - odometry.position_N[:2])))
+        self._keeps = off_m <= (2.0 if self._keeps else 1.0) * KEPT_RADII * radius
+        was_held = self._was_held
+        self._was_held = off_m <= (2.0 if was_held else 1.0) * radius
+        if self._station is None or was_held == self._was_held:
+            return None
+        kind = STATION_HELD if self._was_held else STATION_LEFT
+        return kind.at(odometry.stamp_ns, f"{off_m:.2f} m off")
+
     def step(self, odometry: Odometry) -> HealthEvent | None:
         """Look where the vessel is; give an event when it reaches a goal, or has none any more."""
+        place = self._place
+        if place is not None:
+            self._was_missing = False
+            return self._stay(odometry, place)
         if self._held is not None:
             off_m = float(np.hypot(*(self._held.position_N - odometry.position_N[:2])))
             drifted = off_m > 2.0 * self._settings.goal_radius_m
@@ -124,11 +196,12 @@ class Mission:
         if self._index + 1 < len(self._goals):
             self._index += 1
             return WAYPOINT_REACHED.at(odometry.stamp_ns, detail)
-        self.arrived = True
+        self.arrived = self._keeps = True
         return GOAL_REACHED.at(odometry.stamp_ns, detail)
 
     def _begin(self, goals: list[Goal]) -> None:
         self._goals, self._index, self.arrived = goals, 0, False
+        self._station, self._keeps, self._was_held = None, False, False
         self.orders += 1
 
 

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
+from twinscrew.runtime.charts.static_map import StaticMap
 from twinscrew.runtime.errors import PolicyError, TwinscrewError
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
@@ -22,6 +23,7 @@ from twinscrew.runtime.messages.types import (
     Observation,
     Odometry,
     PointCloud,
+    Station,
     Tracks,
 )
 from twinscrew.runtime.perception.segmentation import Perception
@@ -47,6 +49,7 @@ from twinscrew.runtime.tracking.lidar import SensorView
 from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig, senses_of, sensor_of, tracking_of
 from twinscrew.runtime.vessel.mission import Mission
+from twinscrew.runtime.vessel.station import Keeper
 from twinscrew.runtime.vessel.trial import Trial
 from twinscrew.runtime.vessel_description import load_vessel
 
@@ -157,6 +160,7 @@ class Pipeline:
         assurance: AssuranceStage | None = None,
         senses: Mapping[str, Sequence[Sense]] | None = None,
         alarms: Alarms | None = None,
+        keeper: Keeper | None = None,
     ) -> None:
         self.senses = Senses(senses or {}, tracker, alarms or Alarms())
         self.perception = perception
@@ -168,6 +172,10 @@ class Pipeline:
         self.trial = policy if isinstance(policy, Trial) else None
         """Manoeuvres in the policy's place, if any; then goals do not count."""
         self._orders_before_trial = mission.orders
+        self.chart = StaticMap.empty()
+        """What is fixed around the boat; whoever takes it in replaces it."""
+        self.keeper = keeper
+        """Holds places; None: at a place that is to be held the propellers rest."""
         self._observation = observation or ObservationSettings()
         self._schedule = DecisionSchedule(policy.period_s)
         life = tracker.settings.life
@@ -211,6 +219,10 @@ class Pipeline:
         idle = self.stopped or not engaged or blind is not None or self.is_settling
         if self.trial is not None:
             observation, failed, overridden = self._try(self.trial, odometry, tracks, idle=idle)
+        elif self.keeper is not None and self.mission.station is not None and not idle:
+            observation, failed, overridden = self._keep(
+                self.keeper, odometry, self.mission.station, tracks
+            )
         elif goal is None or idle:
             observation, failed, overridden = self._stop()
         else:
@@ -235,10 +247,10 @@ class Pipeline:
 
     @property
     def has_task(self) -> bool:
-        """Whether there is something to do: a goal that is not reached, or a trial."""
+        """Whether there is something to do: a goal that is not reached, a place, or a trial."""
         if self.trial is not None:
             return not self.trial.over or self.trial.braking
-        return self.mission.target is not None
+        return self.mission.target is not None or self.mission.station is not None
 
     @property
     def knows_surroundings(self) -> bool:
@@ -288,9 +300,11 @@ class Pipeline:
     def _drive(self, odometry: Odometry, goal: Goal, tracks: Tracks) -> Driven:
         """Ask the policy if a decision is due, and let the assurance check every thrust."""
         before, observation = self._thrust, None
+        if self.keeper is not None:
+            self.keeper.reset()
         if self._schedule.is_due(odometry.stamp_ns):
             observation = observe(
-                odometry, goal, tracks, before, self._observation, self.policy.shown
+                odometry, goal, tracks, before, self._observation, self.policy.shown, self.chart
             )
             try:
                 self._rate = self.policy.act(observation)
@@ -298,6 +312,30 @@ class Pipeline:
                 self._stop()
                 return Driven(observation, POLICY_ERROR.at(odometry.stamp_ns, str(error)))
             self._thrust = self.guard.limits.clip(before + self._rate * self.policy.period_s)
+        self._slow_down(odometry)
+        if self.assurance is None:
+            return Driven(observation)
+        self._thrust, overridden = self.assurance.step(
+            odometry, tracks, before, self._thrust, decided=observation is not None
+        )
+        return Driven(observation, None, overridden)
+
+    def _keep(self, keeper: Keeper, odometry: Odometry, station: Station, tracks: Tracks) -> Driven:
+        """Hold a place; the assurance checks every thrust, as it does a policy's."""
+        before = self._thrust
+        self._rate = NEUTRAL
+        self._schedule.restart()
+        self._thrust, events = keeper.step(odometry, before, station)
+        self._slow_down(odometry)
+        if self.assurance is None:
+            return Driven(overridden=events)
+        self._thrust, overridden = self.assurance.step(
+            odometry, tracks, before, self._thrust, decided=True
+        )
+        return Driven(overridden=(*events, *overridden))
+
+    def _slow_down(self, odometry: Odometry) -> None:
+        """Drive no faster ahead than the speed limit, if there is one."""
         if self.speed_limit is not None:
             limited = slowed(
                 self._thrust,
@@ -306,12 +344,6 @@ class Pipeline:
                 self.speed_limit.gain_nspm,
             )
             self._thrust = self.guard.limits.clip(limited)
-        if self.assurance is None:
-            return Driven(observation)
-        self._thrust, overridden = self.assurance.step(
-            odometry, tracks, before, self._thrust, decided=observation is not None
-        )
-        return Driven(observation, None, overridden)
 
     def _try(self, trial: Trial, odometry: Odometry, tracks: Tracks, *, idle: bool) -> Driven:
         """Sail a trial's manoeuvre; the assurance checks every thrust, as it does a policy's.
@@ -341,6 +373,8 @@ class Pipeline:
     def _stop(self) -> Driven:
         self._rate = self._thrust = NEUTRAL
         self._schedule.restart()
+        if self.keeper is not None:
+            self.keeper.reset()
         if self.assurance is not None:
             self.assurance.reset()
         return Driven()
@@ -373,6 +407,7 @@ def make_pipeline(
         assurance=assurance or Assurance(config.assurance, config.thrust),
         senses=make_senses(senses_of(config)),
         alarms=Alarms(config.alarms),
+        keeper=Keeper(config.station, load_vessel(config.vessel), config.thrust),
     )
 
 

@@ -8,16 +8,24 @@ time, and `replay` feeds it what a recording took in: to the same decisions.
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from msgspec import structs
 
 from twinscrew.runtime.bus.base import Received
-from twinscrew.runtime.errors import MessageError
+from twinscrew.runtime.charts.chart import (
+    ChartSettings,
+    as_map,
+    as_message,
+    read_chart,
+    safety_depth_m,
+)
+from twinscrew.runtime.charts.static_map import Feature, StaticMap
+from twinscrew.runtime.errors import ConfigError, MessageError
 from twinscrew.runtime.estimation.estimator import Estimator
 from twinscrew.runtime.ground.report import GroundReport
 from twinscrew.runtime.ground.service import GroundService
@@ -36,6 +44,7 @@ from twinscrew.runtime.messages.types import (
     Goal,
     HealthEvent,
     Odometry,
+    Station,
 )
 from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.safety.assurance import Assurance
@@ -50,18 +59,29 @@ from twinscrew.runtime.safety.envelope import (
 )
 from twinscrew.runtime.safety.events import (
     BAD_MESSAGE,
+    CHART_CHANGED,
+    GOAL_FORBIDDEN,
     GOAL_FRAME,
     INTERNAL_ERROR,
     KINDS,
+    PLACE_ALLOWED,
+    PLACE_FORBIDDEN,
 )
 from twinscrew.runtime.safety.explain import assurance_manoeuvre, explain
 from twinscrew.runtime.safety.guard import NEUTRAL, Guard, ThrustLimits, Watchdog
-from twinscrew.runtime.vessel.config import SENSED, RuntimeConfig, autopilot_of, sensor_of
+from twinscrew.runtime.vessel.config import (
+    SENSED,
+    RuntimeConfig,
+    autopilot_of,
+    datum_of,
+    sensor_of,
+)
 from twinscrew.runtime.vessel.frames import FrameError, Frames
 from twinscrew.runtime.vessel.health import Facts, Health, State
 from twinscrew.runtime.vessel.inputs import Alignment, Inputs, OdometryBufferSettings, Verdict
 from twinscrew.runtime.vessel.outputs import Outputs, Taken
 from twinscrew.runtime.vessel.pipeline import Pipeline, SpeedLimit, make_pipeline
+from twinscrew.runtime.vessel_description import load_vessel
 
 LATENESS_KEPT_S = 2.0
 """[s] The latest decision or tick of this time counts."""
@@ -70,13 +90,14 @@ FAULT_HOLD_S = 1.0
 
 
 class _Order(NamedTuple):
-    """A goal or a route as it came."""
+    """A goal, a route or a place to hold, as it came."""
 
+    kind: Literal["goal", "route", "hold"]
     stamp_ns: int
     places: Float64
-    """[m] (K, 2) y and x in its frame: north and east if that is the frame of positions."""
+    """[m] (K, 2) y and x in its frame: north and east if that is the frame of positions. Of a place
+    to hold with a heading a second one: a metre ahead of the first."""
     frame_ids: tuple[str, ...]
-    is_route: bool
 
 
 class Vessel:
@@ -107,6 +128,8 @@ class Vessel:
         What the boat was proved for; None: nothing is watched.
     slow
         How fast "slow" is.
+    chart
+        What is fixed around the boat; None: nothing is known.
     """
 
     def __init__(
@@ -123,6 +146,7 @@ class Vessel:
         looks_first: bool = True,
         envelope: Envelope | None = None,
         slow: SpeedLimit | None = None,
+        chart: StaticMap | None = None,
     ) -> None:
         self.pipeline = pipeline
         self.link = link
@@ -134,6 +158,12 @@ class Vessel:
         """The last one."""
         self.engaged = False
         """Whether the pipeline's thrust goes to the propellers."""
+        self.chart = StaticMap.empty()
+        """What is fixed around the boat: chart and fences. Replaced as a whole when they change."""
+        self._charted = chart or StaticMap.empty()
+        self._next_chart = None if self._charted.is_empty else self._charted
+        self._fences: dict[str, tuple[Feature, ...]] = {}
+        self._is_forbidden = False
         self._alignment = alignment
         self._estimator = estimator
         self._ground = GroundService(
@@ -152,8 +182,10 @@ class Vessel:
             "odometry": self._odometry,
             "goal": self._goal,
             "route": self._route,
+            "hold": self._hold,
             "engagement": self._engagement,
             "fallback": self._fallback,
+            "chart": self._chart,
             "gps": self._fix,
             "imu": self._imu,
             **dict.fromkeys(pipeline.senses.by_topic, self._sensed),
@@ -204,8 +236,7 @@ class Vessel:
         It never raises on the message's content. A fault of the runtime itself is an
         `internal_error`, after which the surroundings are forgotten: the next scan starts afresh.
         """
-        out = Outputs()
-        self._look(now_s)
+        out = self._begin(now_s)
         self._take(Taken(message.topic, message.payload), out, now_s)
         if out.decision is not None or message.topic in self.link.topics:
             self._command(out, now_s)
@@ -213,8 +244,7 @@ class Vessel:
 
     def receive(self, data: bytes, now_s: float) -> Outputs:
         """Take in bytes of the autopilot, which may hold odometry and orders of ground stations."""
-        out = Outputs()
-        self._look(now_s)
+        out = self._begin(now_s)
         if data:
             self.link.receive(data, now_s)
         outputs = self.link.take_outputs()
@@ -236,16 +266,14 @@ class Vessel:
 
     def hear(self, sentence: str, now_s: float) -> Outputs:
         """Take in a sentence of NMEA 0183 that came by itself, not as a message."""
-        out = Outputs()
-        self._look(now_s)
+        out = self._begin(now_s)
         if self.inputs.latest_ns:  # before the first odometry nobody knows when that was
             self._own_sentence(sentence, self.inputs.latest_ns, out, now_s)
         return out
 
     def tick(self, now_s: float) -> Outputs:
         """Look at the inputs' ages and the autopilot, serve ground stations, command the thrust."""
-        out = Outputs()
-        self._look(now_s)
+        out = self._begin(now_s)
         stamp_ns = self.inputs.latest_ns
         link_events = (replace(event, stamp_ns=stamp_ns) for event in self.link.events(now_s))
         out.events += (*self._watchdog.check(now_s, stamp_ns), *link_events)
@@ -294,7 +322,14 @@ class Vessel:
         goal_N = None if goal is None else goal.position_N
         acts = self.engaged and not self._inputs_too_old and self._now_s >= self._held_until_s
         try:
-            said = explain(decision, odometry, goal_N, engaged=acts, assurance=self._manoeuvre)
+            said = explain(
+                decision,
+                odometry,
+                goal_N,
+                engaged=acts,
+                assurance=self._manoeuvre,
+                holding=self.pipeline.mission.station is not None,
+            )
             if self.envelope.response is not Response.NONE:
                 words = self.envelope.words
                 return replace(said, sentence=f"{words[:1].upper()}{words[1:]}. {said.sentence}")
@@ -335,6 +370,7 @@ class Vessel:
         self.decision = out.decision = decision
         out.goals_N = self.pipeline.mission.ahead_N
         self._fault = fault is not None
+        self._watch_place(out, now_s)
         self._has_looked = self._has_looked or self.pipeline.knows_surroundings
         senses = self.pipeline.senses
         if senses.by_topic and abs(cloud.stamp_ns - self._targets_ns) >= NANOSECONDS_PER_SECOND:
@@ -399,15 +435,22 @@ class Vessel:
     def _goal(self, taken: Taken, out: Outputs, now_s: float) -> None:
         goal = cdr.decode_goal(taken.payload)
         places = goal.position_N[None, :]
-        self._order(_Order(goal.stamp_ns, places, (goal.frame_id,), is_route=False), out, now_s)
+        self._order(_Order("goal", goal.stamp_ns, places, (goal.frame_id,)), out, now_s)
 
     def _route(self, taken: Taken, out: Outputs, now_s: float) -> None:
         path = cdr.decode_path(taken.payload)
-        order = _Order(path.stamp_ns, path.places_N, path.frame_ids, is_route=True)
-        self._order(order, out, now_s)
+        self._order(_Order("route", path.stamp_ns, path.places_N, path.frame_ids), out, now_s)
+
+    def _hold(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        station = cdr.decode_station(taken.payload)
+        places = station.position_N[None, :]
+        if station.heading is not None:
+            ahead = np.array([math.cos(station.heading), math.sin(station.heading)])
+            places = np.vstack([places, places[0] + ahead])
+        self._order(_Order("hold", station.stamp_ns, places, (station.frame_id,)), out, now_s)
 
     def _order(self, order: _Order, out: Outputs, now_s: float) -> None:
-        """Take a goal or a route, in whatever frame; one that cannot be placed is refused.
+        """Take an order, in whatever frame; one that cannot be placed is refused.
 
         Before the first odometry nobody knows what the frame of positions is called: the order is
         taken as one in it, and looked at again when that is known.
@@ -423,9 +466,15 @@ class Vessel:
             except FrameError as error:
                 self._tell(out, now_s, GOAL_FRAME.at(self.stamp_ns, str(error)))
                 return
+        why = self._why_not(places_N)
+        if why:
+            self._tell(out, now_s, GOAL_FORBIDDEN.at(self.stamp_ns, f"not taken: {why}"))
+            return
         stamp_ns = order.stamp_ns or self.stamp_ns
-        if order.is_route:
+        if order.kind == "route":
             self._tell(out, now_s, mission.set_route(places_N, stamp_ns))
+        elif order.kind == "hold":
+            self._tell(out, now_s, mission.set_station(_station(places_N, stamp_ns)))
         else:
             goal = Goal(stamp_ns=stamp_ns, position_N=places_N[0])
             self._tell(out, now_s, mission.set_goal(goal))
@@ -464,6 +513,73 @@ class Vessel:
         # Without a goal the boat lies still, and the sticks are perhaps a pilot's: so it stays.
         if response is Response.HOLD and mission.target is not None and self.inputs.newest:
             mission.hold(self.inputs.newest)
+
+    # -- What is fixed around the boat.
+
+    def fence(self, source: str, fences: tuple[Feature, ...]) -> str:
+        """Replace the fences of one source, "autopilot" or "station", from the next input on.
+
+        Returns
+        -------
+        str
+            Why they cannot be honoured, in plain words; then those before them stay. Empty if they
+            are.
+        """
+        others = {**self._fences, source: fences}
+        features = (*self._charted.features, *(f for name in sorted(others) for f in others[name]))
+        try:
+            chart = StaticMap.of(features, safety_depth_m=self._charted.safety_depth_m)
+        except ConfigError as error:
+            return str(error)
+        if not chart.leaves_water:
+            return "together with the other fences and the chart they leave no water"
+        self._fences = others
+        if chart.version != self.chart.version:
+            self._next_chart = chart
+        return ""
+
+    def _chart(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        """Take a map in place of the one before; goals that it forbids are taken back."""
+        known = taken.message
+        chart = known if isinstance(known, StaticMap) else as_map(cdr.decode_chart(taken.payload))
+        self.chart = self.pipeline.chart = chart
+        counts = Counter(feature.kind for feature in chart.features)
+        words = ", ".join(f"{count} {kind}" for kind, count in sorted(counts.items())) or "nothing"
+        self._tell(out, now_s, CHART_CHANGED.at(self.stamp_ns, words))
+        if self.link.stations is not None:
+            self.link.stations.chart = chart
+        mission = self.pipeline.mission
+        why = self._why_not(mission.ahead_N)
+        if why:
+            nowhere = mission.set_route(np.empty((0, 2)), self.stamp_ns)
+            taken_back = GOAL_FORBIDDEN.at(self.stamp_ns, f"taken back: {why}")
+            self._tell(out, now_s, taken_back, nowhere)
+        self._is_forbidden = False
+        self._watch_place(out, now_s)
+
+    def _watch_place(self, out: Outputs, now_s: float) -> None:
+        """Say when the boat comes to where it may not be, and when it has left it."""
+        odometry = self.inputs.newest
+        if self.chart.is_empty or odometry is None:
+            return
+        why = self.chart.why(odometry.position_N[:2])
+        if bool(why) == self._is_forbidden:
+            return
+        self._is_forbidden = bool(why)
+        kind = PLACE_FORBIDDEN if why else PLACE_ALLOWED
+        north, east = odometry.position_N[:2].tolist()
+        where = f"north {north:.1f} m, east {east:.1f} m"
+        self._tell(out, now_s, kind.at(self.stamp_ns, f"{where}: {why}" if why else where))
+
+    def _why_not(self, places_N: Float64) -> str:
+        """Say which of some places, (K, 2) [m] [N], is forbidden and why; empty if none is."""
+        for number, place in enumerate(places_N, start=1):
+            why = self.chart.why(place)
+            if why:
+                north, east = place[:2].tolist()
+                which = f"goal {number} of {len(places_N)}" if len(places_N) > 1 else "the goal"
+                return f"{which}, north {north:.1f} m, east {east:.1f} m, is {why}"
+        return ""
 
     # -- One tick.
 
@@ -515,8 +631,20 @@ class Vessel:
             known["drift_share"] = assurance.disturbance_n / (2.0 * assurance.limits.max_n)
         return known
 
+    def _begin(self, now_s: float) -> Outputs:
+        """Look at the inputs' ages: the first thing that is done, however long nothing was.
+
+        A map that has changed is an input of the decisions like any other, so it is recorded.
+        """
+        out = Outputs()
+        self._look(now_s)
+        chart, self._next_chart = self._next_chart, None
+        if chart is not None:
+            payload = cdr.encode_chart(as_message(chart, self.stamp_ns))
+            self._take(Taken("chart", payload, chart, made_here=True), out, now_s)
+        return out
+
     def _look(self, now_s: float) -> None:
-        """Look at the inputs' ages: the first thing that is done, however long nothing was."""
         self._now_s = now_s
         self._watchdog.awake(now_s)
         self._inputs_too_old = self._watchdog.too_old(now_s)
@@ -564,6 +692,14 @@ class Vessel:
         )
 
 
+def _station(places_N: Float64, stamp_ns: int) -> Station:
+    heading = None
+    if len(places_N) > 1:
+        north, east = (places_N[1] - places_N[0]).tolist()
+        heading = math.atan2(east, north)
+    return Station(stamp_ns=stamp_ns, position_N=places_N[0], heading=heading)
+
+
 def make_vessel(
     config: RuntimeConfig, *, pipeline: Pipeline | None = None, looks_first: bool = True
 ) -> Vessel:
@@ -582,8 +718,11 @@ def make_vessel(
         Something configured does not exist or cannot be used: before anything moves.
     """
     autopilot, source = autopilot_of(config), config.odometry_source
+    chart = chart_of(config)
+    pipeline = pipeline or make_pipeline(config)
+    _check_goals(config, chart)
     return Vessel(
-        pipeline or make_pipeline(config),
+        pipeline,
         make_autopilot(autopilot, config.ground.orders),
         report=GroundReport(
             config.ground,
@@ -598,7 +737,35 @@ def make_vessel(
         looks_first=looks_first,
         envelope=Envelope(config.envelope),
         slow=slow_of(config),
+        chart=chart,
     )
+
+
+def chart_of(config: RuntimeConfig) -> StaticMap:
+    """Read what a configuration says is fixed around the boat.
+
+    Raises
+    ------
+    ConfigError
+        Its chart cannot be used, or leaves no water.
+    """
+    settings = config.chart
+    features = read_chart(settings, datum_of(config)).features
+    if not features:
+        return StaticMap.empty()
+    depth_m = safety_depth_m(settings, load_vessel(config.vessel).draught_m)
+    return StaticMap.of(features, safety_depth_m=depth_m)
+
+
+def _check_goals(config: RuntimeConfig, chart: StaticMap) -> None:
+    """Refuse a goal of the configuration that its chart forbids."""
+    for number, place in enumerate(config.mission.waypoints_m):
+        why = chart.why(np.array(place))
+        if why:
+            north, east = place
+            raise ConfigError(
+                f"north {north:g} m, east {east:g} m is {why}", key=f"mission.waypoints_m[{number}]"
+            )
 
 
 def slow_of(config: RuntimeConfig) -> SpeedLimit:
@@ -608,19 +775,24 @@ def slow_of(config: RuntimeConfig) -> SpeedLimit:
     return SpeedLimit(config.envelope.slow_share * top_mps, thrust_n / top_mps, top_mps)
 
 
-def vessel_for_replay(config: RuntimeConfig, *, has_odometry: bool = True) -> Vessel:
+def vessel_for_replay(
+    config: RuntimeConfig, *, has_odometry: bool = True, has_chart: bool = False
+) -> Vessel:
     """Make a vessel that takes in a recording, which holds its own odometry and engagement too.
 
     Parameters
     ----------
     has_odometry
         If the recording has none, it is made of GPS and IMU where these are its configured source.
+    has_chart
+        Whether the recording holds the map, so that the configured chart is not read.
     """
     makes_odometry = config.odometry_source == "gps_imu" and not has_odometry
     return make_vessel(
         structs.replace(
             config,
             odometry_source="gps_imu" if makes_odometry else "bus",
+            chart=ChartSettings() if has_chart else config.chart,
             autopilot=structs.replace(config.autopilot, signing_key_file=""),  # stayed aboard
         )
     )

@@ -12,7 +12,14 @@ from tests.harness.work import examples
 
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.types import Goal, HealthEvent, Odometry, PointCloud, Severity
+from twinscrew.runtime.messages.types import (
+    Goal,
+    HealthEvent,
+    Odometry,
+    PointCloud,
+    Severity,
+    Station,
+)
 
 GOLDEN = Path(__file__).parents[1] / "data" / "cdr"
 DECODERS = {
@@ -87,6 +94,15 @@ def test_odometry_comes_back(stamp_ns, position, q, twist):
     np.testing.assert_array_equal(read.velocity_B, made.velocity_B)
     np.testing.assert_array_equal(read.rates_B, made.rates_B)
     assert abs(np.dot(read.q_NB, q_NB)) == pytest.approx(1.0, abs=1e-12)
+
+
+@given(STAMPS, METRES, METRES, st.none() | st.floats(-3.14, 3.14))
+def test_places_to_hold_come_back(stamp_ns, north, east, heading):
+    made = Station(stamp_ns=stamp_ns, position_N=np.array((north, east)), heading=heading)
+    read = cdr.decode_station(cdr.encode_station(made))
+    assert read.stamp_ns == stamp_ns
+    assert read.position_N.tolist() == [north, east]
+    assert read.heading == (None if heading is None else pytest.approx(heading, abs=1e-9))
 
 
 @given(stamp_ns=STAMPS, north=METRES, east=METRES)

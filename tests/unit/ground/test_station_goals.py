@@ -178,3 +178,47 @@ def test_before_it_knows_where_it_is_a_place_from_the_vessel_is_refused() -> Non
 def test_what_was_refused_is_told_in_words(sea) -> None:
     told = sea.go(21, 1.0, 1.0) + sea.serve()
     assert any(m.text.startswith("goal refused: its frame") for m in of("STATUSTEXT", told))
+
+
+def test_a_mission_that_ends_with_a_place_to_stay_at_holds_it(sea) -> None:
+    sent = sea.say(mavlink.MAVLink_mission_count_message(*US, 3))
+    for seq, (command, north) in enumerate(((16, 3.0), (17, 6.0), (16, 90.0))):
+        item = (seq, 1, command, 0, 1, 0, 0, 0, 45.0, round(north * 1e4), 0, 0)
+        sent += sea.say(mavlink.MAVLink_mission_item_int_message(*US, *item))
+    assert of("MISSION_ACK", sent + sea.serve())[0].type == 0
+    assert sea.fed == ["route"]
+    sea.move_to(2.5, 0.0)
+    assert sea.fed == ["route", "hold"]
+    told = sea.move_to(5.5, 0.0)
+    assert [m.seq for m in of("MISSION_ITEM_REACHED", told)] == [1]
+    assert of("MISSION_CURRENT", told)[-1].mission_state == ACTIVE
+    station = sea.mission.station
+    assert station.position_N.tolist() == pytest.approx([6.0, 0.0])
+    assert station.heading == pytest.approx(np.radians(45.0))
+
+
+def reposition(yaw: float, place: tuple[float, float] = (4.0, 3.0)):
+    x, y = (round(metres * 1e4) for metres in place)
+    return mavlink.MAVLink_command_int_message(*US, 1, 192, 0, 0, -1.0, 0.0, 0.0, yaw, x, y, 0.0)
+
+
+def test_do_reposition_with_a_yaw_asks_to_stay_there_without_one_to_go_there(sea) -> None:
+    for yaw in (float("nan"), 0.0):
+        sea.say(reposition(yaw, (4.0, 3.0 + abs(np.nan_to_num(yaw)))))
+    assert sea.fed == ["goal"]
+    (answer,) = of("COMMAND_ACK", sea.say(reposition(1.5)))
+    assert answer.result == 0
+    assert sea.fed == ["goal", "hold"]
+    assert sea.goal == pytest.approx([4.0, 3.0])
+    sea.say(reposition(1.5))
+    assert sea.fed == ["goal", "hold"]  # the same order again
+    (answer,) = of("COMMAND_ACK", sea.say(reposition(90.0)))
+    assert answer.result != 0
+
+
+def test_loiter_as_a_command_holds_the_place_where_the_boat_is(sea) -> None:
+    sea.move_to(2.0, 1.0)
+    long = mavlink.MAVLink_command_long_message(*US, 17, 0, 0, 0, 0, 0, 0, 0, 0)
+    (answer,) = of("COMMAND_ACK", sea.say(long))
+    assert answer.result == 0
+    assert sea.mission.goal.position_N.tolist() == pytest.approx([2.0, 1.0], abs=0.3)

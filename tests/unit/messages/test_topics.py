@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[3]
 
 
 def test_the_core_takes_in_what_decides_a_run():
-    always = {"points", "odometry", "goal", "route", "engagement", "fallback"}
+    always = {"points", "odometry", "goal", "route", "hold", "engagement", "fallback", "chart"}
     assert set(CORE_INPUTS) == always | {"nmea", "radar"}
 
 
@@ -86,5 +86,6 @@ def test_what_is_watched_is_always_an_input_and_has_an_event_and_an_age():
 def test_a_runtime_listens_to_what_the_table_says(source):
     told = {"bus": {"odometry"}, "gps_imu": {"gps", "imu"}, "autopilot": set()}[source]
     assert (
-        set(inputs_of(RuntimeConfig(odometry_source=source))) == {"points", "goal", "route"} | told
+        set(inputs_of(RuntimeConfig(odometry_source=source)))
+        == {"points", "goal", "route", "hold"} | told
     )

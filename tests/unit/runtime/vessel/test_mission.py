@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.messages.types import Goal, Odometry
+from twinscrew.runtime.messages.types import Goal, Odometry, Station
 from twinscrew.runtime.vessel.mission import Mission, MissionSettings
 
 
@@ -67,3 +67,52 @@ def test_a_goal_from_the_bus_replaces_all_others() -> None:
 def test_a_waypoint_that_is_not_finite_is_refused() -> None:
     with pytest.raises(ConfigError, match="waypoints_m"):
         Mission(MissionSettings(waypoints_m=((float("nan"), 0),)))
+
+
+def test_a_place_to_hold_is_headed_for_then_kept_and_found_again_when_driven_off() -> None:
+    mission = Mission(MissionSettings(waypoints_m=((90, 0),), goal_radius_m=2.0))
+    told = mission.set_station(Station(stamp_ns=9, position_N=np.array([10.0, 0.0])))
+    assert told.name == "station_set"
+    assert names(mission, (0, 0)) == [None]
+    assert mission.target is not None
+    assert mission.station is None
+    assert names(mission, (6, 0), (9, 0)) == [None, "station_held"]
+    assert mission.station is not None
+    assert mission.target is None
+    assert not mission.arrived
+    assert names(mission, (15, 0)) == ["station_left"]
+    assert mission.station is not None
+    names(mission, (21, 0))
+    assert mission.station is None
+    assert mission.target.position_N.tolist() == [10.0, 0.0]
+
+
+def test_a_goal_ends_a_place_and_a_place_ends_goals() -> None:
+    mission = Mission()
+    mission.set_station(Station(stamp_ns=1, position_N=np.zeros(2)))
+    names(mission, (0, 0))
+    mission.set_goal(Goal(stamp_ns=2, position_N=np.array([30.0, 0.0])))
+    assert mission.station is None
+    assert mission.target.position_N.tolist() == [30.0, 0.0]
+    assert mission.orders == 2
+
+
+def test_on_arrival_the_last_goal_is_held_if_so_wished() -> None:
+    stops = Mission(MissionSettings(waypoints_m=((10, 0),)))
+    holds = Mission(MissionSettings(waypoints_m=((10, 0),), on_arrival="hold"))
+    for mission in (stops, holds):
+        assert names(mission, (9, 0), (12, 0)) == ["goal_reached", None]
+        assert mission.arrived
+    assert stops.station is None
+    assert holds.station.position_N.tolist() == [10.0, 0.0]
+
+
+def test_outside_the_envelope_a_boat_that_holds_on_arrival_holds_where_it_is() -> None:
+    mission = Mission(MissionSettings(waypoints_m=((90, 0),), on_arrival="hold"))
+    mission.hold(at(20, 5))
+    names(mission, (20, 6))
+    assert mission.station.position_N.tolist() == [20.0, 5.0]
+    mission.resume()
+    names(mission, (20, 6))
+    assert mission.station is None
+    assert mission.target.position_N.tolist() == [90.0, 0.0]
