@@ -67,6 +67,8 @@ SETTLE_S: Final = 1.0
 
 MOST_LOOKS: Final = 1000
 """[-] Looks of other sensors that wait for a scan; the oldest are left out."""
+SCANLESS_S = 1.0
+"""[s] So long after the last scan the other sensors are listened to without one, this often."""
 NEWER_S, OLDER_S = 1.0, 5.0
 """[s] A look that is so much newer or older than the vessel's time has a wrong stamp."""
 
@@ -122,6 +124,9 @@ class TrackingStage(Protocol):
 
     def take(self, look: Look) -> bool:
         """See `Tracker.take`."""
+
+    def seen_by_others(self, stamp_ns: int, own_N: Float64) -> Tracks:
+        """See `Tracker.seen_by_others`."""
 
     def reset(self) -> None:
         """Forget all tracks."""
@@ -496,6 +501,7 @@ class Senses:
         self._waiting: list[Look] = []
         self._rarely = Rarely(10.0)
         self._forgotten = False
+        self._listened_ns: int | None = None
 
     def take(
         self, topic: str, payload: bytes, latest_ns: int, own_at: OwnAt
@@ -523,6 +529,7 @@ class Senses:
 
     def listen(self, stamp_ns: int) -> tuple[HealthEvent, ...]:
         """Give the tracker what came up to a scan's stamp [ns]."""
+        self._listened_ns = stamp_ns
         events: list[HealthEvent] = []
         for sense in dict.fromkeys(sense for each in self.by_topic.values() for sense in each):
             heard = sense.step(stamp_ns, forgotten=self._forgotten)
@@ -535,6 +542,21 @@ class Senses:
         for look in due:
             self._tracker.take(look)
         return tuple(events)
+
+    def without_scan(self, odometry: Odometry) -> tuple[HealthEvent, ...] | None:
+        """Listen, and give alarms, though no scan comes; None if one came a moment ago.
+
+        The boat is stopped without its LiDAR, but a ship that reports itself is still announced.
+        """
+        stamp_ns = odometry.stamp_ns
+        if self._listened_ns is None:
+            self._listened_ns = stamp_ns  # the first scan may be on its way
+        since_s = (stamp_ns - self._listened_ns) / NANOSECONDS_PER_SECOND
+        if 0.0 <= since_s < SCANLESS_S:
+            return None
+        heard = self.listen(stamp_ns)
+        tracks = self._tracker.seen_by_others(stamp_ns, odometry.position_N[:2])
+        return (*heard, *self.alarmed(odometry, tracks))
 
     def alarmed(self, odometry: Odometry, tracks: Tracks) -> tuple[HealthEvent, ...]:
         """Give what the tracks that came of it make worth reporting."""
