@@ -700,6 +700,11 @@ class Tracker:
         return self._long.latest
 
     @property
+    def pieces(self) -> list[int]:
+        """Identities of the tracks that are pieces of long objects that stand, as last seen."""
+        return [track.id for track in self._tracks if track.confirmed and track.at_rest]
+
+    @property
     def stands(self) -> Mapping[int, bool]:
         """Of that outline's long objects, by number, whether they stand, as far as is known."""
         return self._long.stands

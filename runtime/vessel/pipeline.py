@@ -366,9 +366,7 @@ class Pipeline:
         if self.keeper is not None:
             self.keeper.reset()
         if self._schedule.is_due(odometry.stamp_ns):
-            observation = observe(
-                odometry, goal, tracks, before, self._observation, self.policy.shown, self.chart
-            )
+            observation = self._observe(odometry, goal, tracks, before)
             try:
                 self._rate = self.policy.act(observation)
             except PolicyError as error:
@@ -407,6 +405,24 @@ class Pipeline:
                 self.speed_limit.gain_nspm,
             )
             self._thrust = self.guard.limits.clip(limited)
+
+    def _observe(
+        self, odometry: Odometry, goal: Goal, tracks: Tracks, before: Float64
+    ) -> Observation:
+        """Say what the policy is shown; learnt walls are edges to one that takes a contour.
+
+        It is not shown the pieces of long objects that stand besides, where they are such walls.
+        """
+        shown, walls = self.policy.shown, None
+        if shown.contour_m is not None and self.learnt is not None:
+            walls = self.learnt.edges_near(odometry.position_N, shown.contour_m)
+            if len(walls) and isinstance(self.tracker, Tracker):
+                pieces = np.isin(tracks.id, self.tracker.pieces)
+                for k in np.flatnonzero(pieces).tolist():
+                    on_wall = self.learnt.edges_near(tracks.p_N[k], float(tracks.radius[k]))
+                    pieces[k] = len(on_wall) > 0
+                tracks = tracks.only(~pieces) if pieces.any() else tracks
+        return observe(odometry, goal, tracks, before, self._observation, shown, self.chart, walls)
 
     def _try(self, trial: Trial, odometry: Odometry, tracks: Tracks, *, idle: bool) -> Driven:
         """Sail a trial's manoeuvre; the assurance checks every thrust, as it does a policy's.
