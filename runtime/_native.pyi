@@ -224,7 +224,7 @@ class CentroidModel:
 
 def crowded(
     places: NDArray[np.float64], centres: NDArray[np.float64], radii: NDArray[np.float64]
-) -> bool: ...
+) -> list[list[int]]: ...
 def invert_stack(matrices: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def innovations(
     x: NDArray[np.float64],
@@ -254,6 +254,7 @@ class Foresight:
         vessel: tuple[Sequence[float], Sequence[float], Sequence[float]],
         lever: float,
         hull: Sequence[tuple[float, float]],
+        close_hull: Sequence[tuple[float, float]],
         steps: int,
         dt: float,
         slew: float,
@@ -277,6 +278,10 @@ class Foresight:
         v: NDArray[np.float64],
         radius: NDArray[np.float64],
         horizon: NDArray[np.float64],
+        shores: NDArray[np.float64],
+        clearance: float,
+        margin: float,
+        until: float,
     ) -> tuple[float, float, float, int, bool]: ...
     def judge(
         self,
@@ -288,6 +293,10 @@ class Foresight:
         v: NDArray[np.float64],
         radius: NDArray[np.float64],
         horizon: NDArray[np.float64],
+        shores: NDArray[np.float64],
+        clearance: float,
+        margin: float,
+        until: float,
     ) -> tuple[float, float, float, int, bool]: ...
 
 def pair_fits(
@@ -300,6 +309,19 @@ def pair_fits(
     origin: Sequence[float],
     gate: float,
 ) -> NDArray[np.float64]: ...
+def mixtures(
+    x: NDArray[np.float64],
+    P: NDArray[np.float64],
+    z: NDArray[np.float64],
+    H: NDArray[np.float64],
+    R: NDArray[np.float64],
+    R_rad2: NDArray[np.float64],
+    origin: Sequence[float],
+    shares: NDArray[np.float64],
+) -> NDArray[np.float64]: ...
+def shadowed(
+    offsets: NDArray[np.float64], hides: NDArray[np.bool_], width: float
+) -> NDArray[np.bool_]: ...
 def association_marginals(weights: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
 class RoutePlanner:
@@ -353,7 +375,7 @@ class LearntMap:
     def see(
         self,
         *,
-        water: FreeWater,
+        water: FreeWater | None,
         boundary: NDArray[np.float64],
         heights: NDArray[np.float64],
         seen: NDArray[np.int64],
@@ -365,6 +387,9 @@ class LearntMap:
     ) -> None: ...
     @property
     def version(self) -> int: ...
+    @property
+    def known(self) -> int:
+        """[-] Cells with some evidence of a wall."""
     def segments(self) -> NDArray[np.float64]: ...
     def free_at(self, place: tuple[float, float]) -> float: ...
     def wall_at(self, place: tuple[float, float]) -> float: ...

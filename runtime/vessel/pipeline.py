@@ -7,10 +7,13 @@ and in a replay. A stage gives its value, and a `Fault` where it failed; then th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
+from twinscrew.runtime.charts.learnt import LearntMap
+from twinscrew.runtime.charts.route import NO_WALLS, Guidance
 from twinscrew.runtime.charts.static_map import StaticMap
 from twinscrew.runtime.errors import PolicyError, TwinscrewError
 from twinscrew.runtime.messages.types import (
@@ -39,6 +42,8 @@ from twinscrew.runtime.safety.events import (
     INPUT_LATE,
     PERCEPTION_ERROR,
     POLICY_ERROR,
+    ROUTE_FOUND,
+    ROUTE_MISSING,
     TRACKS_FORGOTTEN,
 )
 from twinscrew.runtime.safety.guard import NEUTRAL, Guard
@@ -62,6 +67,8 @@ SETTLE_S: Final = 1.0
 
 MOST_LOOKS: Final = 1000
 """[-] Looks of other sensors that wait for a scan; the oldest are left out."""
+SCANLESS_S = 1.0
+"""[s] So long after the last scan the other sensors are listened to without one, this often."""
 NEWER_S, OLDER_S = 1.0, 5.0
 """[s] A look that is so much newer or older than the vessel's time has a wrong stamp."""
 
@@ -118,6 +125,9 @@ class TrackingStage(Protocol):
     def take(self, look: Look) -> bool:
         """See `Tracker.take`."""
 
+    def seen_by_others(self, stamp_ns: int, own_N: Float64) -> Tracks:
+        """See `Tracker.seen_by_others`."""
+
     def reset(self) -> None:
         """Forget all tracks."""
 
@@ -155,6 +165,8 @@ class Pipeline:
         assurance: AssuranceStage | None = None,
         senses: Mapping[str, Sequence[Sense]] | None = None,
         alarms: Alarms | None = None,
+        guidance: Guidance | None = None,
+        learnt: LearntMap | None = None,
         keeper: Keeper | None = None,
     ) -> None:
         self.senses = Senses(senses or {}, tracker, alarms or Alarms())
@@ -167,8 +179,7 @@ class Pipeline:
         self.trial = policy if isinstance(policy, Trial) else None
         """Manoeuvres in the policy's place, if any; then goals do not count."""
         self._orders_before_trial = mission.orders
-        self.chart = StaticMap.empty()
-        """What is fixed around the boat; whoever takes it in replaces it."""
+        self._chart = StaticMap.empty()
         self.keeper = keeper
         """Holds places; None: at a place that is to be held the propellers rest."""
         self._observation = observation or ObservationSettings()
@@ -179,9 +190,26 @@ class Pipeline:
         """How fast the policy may drive; the assurance may do more, to get out of the way."""
         self.stopped = False
         """Whether the thrust is zero because the boat has left its operational envelope."""
+        self.guidance = guidance or Guidance(reach_m=self._observation.goal_range_m)
+        """The way to the goal around what is fixed."""
+        self.learnt = learnt
+        """What the LiDAR has learnt of walls and free water; None: it does not."""
+        self._held: Station | None = None
+        """The place to hold, as no way leads to the goal."""
         self._sequence = 0
         self._rate: Float64 = NEUTRAL
         self._thrust: Float64 = NEUTRAL
+
+    @property
+    def chart(self) -> StaticMap:
+        """What is fixed around the boat; whoever takes it in replaces it."""
+        return self._chart
+
+    @chart.setter
+    def chart(self, chart: StaticMap) -> None:
+        self._chart = chart
+        if isinstance(self.assurance, Assurance):
+            self.assurance.static_map = chart
 
     def step(
         self, cloud: PointCloud, odometry: Odometry, *, engaged: bool
@@ -210,21 +238,21 @@ class Pipeline:
         tracks, gap = self._track(objects, odometry)
         self._settling.step(cloud.stamp_ns, seen=blind is None)
         progress = self.mission.step(odometry)
-        goal = self.mission.target
+        self._learn(cloud.stamp_ns, odometry)
         idle = self.stopped or not engaged or blind is not None or self.is_settling
+        goal, told = self._guide(odometry, idle=idle)
+        station = self.mission.station or self._held
         if self.trial is not None:
             observation, failed, overridden = self._try(self.trial, odometry, tracks, idle=idle)
-        elif self.keeper is not None and self.mission.station is not None and not idle:
-            observation, failed, overridden = self._keep(
-                self.keeper, odometry, self.mission.station, tracks
-            )
+        elif self.keeper is not None and station is not None and not idle:
+            observation, failed, overridden = self._keep(self.keeper, odometry, station, tracks)
         elif goal is None or idle:
             observation, failed, overridden = self._stop()
         else:
             observation, failed, overridden = self._drive(odometry, goal, tracks)
         self._thrust, tripped = self.guard.check(self._thrust, cloud.stamp_ns)
         alarmed = self.senses.alarmed(odometry, tracks) if self.senses.by_topic else ()
-        reported = (blind, *heard, gap, progress, failed, *overridden, *alarmed, tripped)
+        reported = (blind, *heard, gap, progress, told, failed, *overridden, *alarmed, tripped)
         decision = Decision(
             stamp_ns=cloud.stamp_ns,
             sequence=self._sequence,
@@ -263,6 +291,9 @@ class Pipeline:
     def reset(self) -> None:
         """Forget the surroundings: the inputs' time, or the vessel's position, has jumped."""
         self._settling.restart()
+        self.guidance.reset()
+        if self.learnt is not None:
+            self.learnt.reset()
         self._stop()
         self.tracker.reset()
         self.senses.forgotten()
@@ -292,15 +323,50 @@ class Pipeline:
         self.senses.forgotten()
         return tracks, TRACKS_FORGOTTEN.at(objects.stamp_ns, self.tracker.note)
 
+    def _learn(self, stamp_ns: int, odometry: Odometry) -> None:
+        """Add what this scan shows of walls and free water to what is learnt."""
+        if self.learnt is None or not isinstance(self.tracker, Tracker):
+            return
+        view = self.tracker.outline
+        if view is not None and view.stamp_ns == stamp_ns:
+            stands = self.tracker.stands
+            self.learnt.step(odometry, view.outline, lambda: view.water, stands)
+
+    def _guide(self, odometry: Odometry, *, idle: bool) -> tuple[Goal | None, HealthEvent | None]:
+        """Give the place to steer for: the goal, or a place on the route there; None to lie still.
+
+        Without a way to the goal the vessel holds the place where that was found out.
+        """
+        goal = self.mission.target
+        if goal is None or idle or self.trial is not None:
+            self._held = None
+            if (goal is None or self.trial is not None) and self.guidance.route is not None:
+                self.guidance.reset()
+            return goal, None
+        learns = self.learnt is not None and self.guidance.settings.learnt
+        walls = self.learnt.walls if self.learnt is not None and learns else NO_WALLS
+        place_N, stamp_ns = odometry.position_N[:2], odometry.stamp_ns
+        drift_N = self.assurance.drift_N if isinstance(self.assurance, Assurance) else None
+        aim = self.guidance.step(stamp_ns, place_N, goal.position_N, self.chart, walls, drift_N)
+        told = ROUTE_FOUND.at(stamp_ns, aim.news) if aim.news else None
+        if aim.trouble:
+            told = ROUTE_MISSING.at(stamp_ns, aim.trouble)
+        if aim.place_N is None:
+            held = self._held or Station(stamp_ns=stamp_ns, position_N=place_N.copy())
+            self._held = held
+            return None, told
+        self._held = None
+        if aim.place_N is goal.position_N:
+            return goal, told
+        return replace(goal, position_N=aim.place_N), told
+
     def _drive(self, odometry: Odometry, goal: Goal, tracks: Tracks) -> Driven:
         """Ask the policy if a decision is due, and let the assurance check every thrust."""
         before, observation = self._thrust, None
         if self.keeper is not None:
             self.keeper.reset()
         if self._schedule.is_due(odometry.stamp_ns):
-            observation = observe(
-                odometry, goal, tracks, before, self._observation, self.policy.shown, self.chart
-            )
+            observation = self._observe(odometry, goal, tracks, before)
             try:
                 self._rate = self.policy.act(observation)
             except PolicyError as error:
@@ -339,6 +405,24 @@ class Pipeline:
                 self.speed_limit.gain_nspm,
             )
             self._thrust = self.guard.limits.clip(limited)
+
+    def _observe(
+        self, odometry: Odometry, goal: Goal, tracks: Tracks, before: Float64
+    ) -> Observation:
+        """Say what the policy is shown; learnt walls are edges to one that takes a contour.
+
+        It is not shown the pieces of long objects that stand besides, where they are such walls.
+        """
+        shown, walls = self.policy.shown, None
+        if shown.contour_m is not None and self.learnt is not None:
+            walls = self.learnt.edges_near(odometry.position_N, shown.contour_m)
+            if len(walls) and isinstance(self.tracker, Tracker):
+                pieces = np.isin(tracks.id, self.tracker.pieces)
+                for k in np.flatnonzero(pieces).tolist():
+                    on_wall = self.learnt.edges_near(tracks.p_N[k], float(tracks.radius[k]))
+                    pieces[k] = len(on_wall) > 0
+                tracks = tracks.only(~pieces) if pieces.any() else tracks
+        return observe(odometry, goal, tracks, before, self._observation, shown, self.chart, walls)
 
     def _try(self, trial: Trial, odometry: Odometry, tracks: Tracks, *, idle: bool) -> Driven:
         """Sail a trial's manoeuvre; the assurance checks every thrust, as it does a policy's.
@@ -402,6 +486,8 @@ def make_pipeline(
         assurance=assurance or Assurance(config.assurance, config.thrust),
         senses=make_senses(senses_of(config)),
         alarms=Alarms(config.alarms),
+        guidance=Guidance(config.route, config.observation.goal_range_m),
+        learnt=LearntMap(config.learnt) if config.learnt.enabled else None,
         keeper=Keeper(config.station, load_vessel(config.vessel), config.thrust),
     )
 
@@ -431,6 +517,7 @@ class Senses:
         self._waiting: list[Look] = []
         self._rarely = Rarely(10.0)
         self._forgotten = False
+        self._listened_ns: int | None = None
 
     def take(
         self, topic: str, payload: bytes, latest_ns: int, own_at: OwnAt
@@ -458,6 +545,7 @@ class Senses:
 
     def listen(self, stamp_ns: int) -> tuple[HealthEvent, ...]:
         """Give the tracker what came up to a scan's stamp [ns]."""
+        self._listened_ns = stamp_ns
         events: list[HealthEvent] = []
         for sense in dict.fromkeys(sense for each in self.by_topic.values() for sense in each):
             heard = sense.step(stamp_ns, forgotten=self._forgotten)
@@ -470,6 +558,21 @@ class Senses:
         for look in due:
             self._tracker.take(look)
         return tuple(events)
+
+    def without_scan(self, odometry: Odometry) -> tuple[HealthEvent, ...] | None:
+        """Listen, and give alarms, though no scan comes; None if one came a moment ago.
+
+        The boat is stopped without its LiDAR, but a ship that reports itself is still announced.
+        """
+        stamp_ns = odometry.stamp_ns
+        if self._listened_ns is None:
+            self._listened_ns = stamp_ns  # the first scan may be on its way
+        since_s = (stamp_ns - self._listened_ns) / NANOSECONDS_PER_SECOND
+        if 0.0 <= since_s < SCANLESS_S:
+            return None
+        heard = self.listen(stamp_ns)
+        tracks = self._tracker.seen_by_others(stamp_ns, odometry.position_N[:2])
+        return (*heard, *self.alarmed(odometry, tracks))
 
     def alarmed(self, odometry: Odometry, tracks: Tracks) -> tuple[HealthEvent, ...]:
         """Give what the tracks that came of it make worth reporting."""
