@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import structs
 from numpy.typing import NDArray
 
-from twinscrew.hil_sim.viewer.scene import Ended, VesselResult
+from twinscrew.hil_sim.viewer.scene import Ended, Region, VesselResult, region_of
 from twinscrew.hil_sim.viewer.wire import (
     POINT_BYTES,
     EventView,
@@ -20,6 +20,7 @@ from twinscrew.hil_sim.viewer.wire import (
     VesselView,
     encode_part,
 )
+from twinscrew.runtime.charts.chart import as_map
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.geometry import rotation_2d, rotation_from_quaternion
 from twinscrew.runtime.messages import cdr
@@ -63,6 +64,7 @@ SHOWN: Final = (
     "thrust_right",
     "diagnostics",
     "path",
+    "chart",
 )
 """The topics that are looked at: decisions hold objects and tracks, bit for bit."""
 FRESH_S = 1.0
@@ -195,6 +197,10 @@ class Vessel:
         self._sent_s: dict[int, float] = {}
         self._latency_ms: float | None = None
         self._decisions = 0
+        self.chart: tuple[Region, ...] = ()
+        """What it knows of what is fixed, as it is drawn."""
+        self.charts = 0
+        """[-] How many charts it has had."""
         self._ended: Sequence[Ended] = ()
         self._result: VesselResult | None = None
 
@@ -295,6 +301,10 @@ class Vessel:
                 self._goal = cdr.decode_goal(payload).position_N
             case "thrust_left" | "thrust_right":
                 self._thrust_N[int(topic == "thrust_right")] = cdr.decode_thrust(payload)
+            case "chart":
+                known = as_map(cdr.decode_chart(payload))
+                self.chart = tuple(map(region_of, known.polygons))
+                self.charts += 1
             case "path":
                 self.trail.precede(cdr.decode_path(payload)[1])
             case "diagnostics":

@@ -9,6 +9,7 @@ import {
   drawGoal,
   drawGrid,
   drawObjects,
+  drawRegion,
   drawScaleBar,
   drawScene,
   drawTarget,
@@ -139,6 +140,12 @@ export class Chart {
     const labels = new Labels(pen, camera, this.canvas);
     const zones = []; // what they are called, to be written when the boats' names stand
     drawScene(pen, camera, scene);
+    if (!scene.regions.length) {
+      // Without a scenario: what the vessel knows that is looked at, or else the first that has a chart.
+      const { charts } = model.greeting;
+      const known = followed ? charts[followed.name] : Object.values(charts).find((chart) => chart.length);
+      for (const region of known ?? []) drawRegion(pen, camera, region);
+    }
     this.#eachVessel(pen, (vessel, colour) => this.#drawBelow(pen, zones, vessel, colour));
     for (const vessel of model.vessels) {
       drawVessel(pen, camera, vessel, hull, vesselColour(model.index(vessel.name)));
