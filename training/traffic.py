@@ -71,6 +71,7 @@ class GivenEnv(VectorEnv):
         state.position[:], state.goal[:] = given.start, given.goal
         state.north_east[0], state.north_east[1] = given.start.real, given.start.imag
         state.heading[:], state.buoy[:] = given.heading, given.buoy
+        state.take_aim(np.arange(len(given.start)))
         return self.perception.observe(state, state.active)
 
 

@@ -312,6 +312,9 @@ class Observation:
     hull: Float32 | None = None
     """(10,) The own hull, as `policy.hull_units.HULL_COLUMNS` says. None: the policy is told
     nothing of it, or it is not known here."""
+    contour: Float32 | None = None
+    """(32,) [m] How far off the nearest edge of what is fixed is in each sector, clockwise from
+    straight ahead (`charts.contour`). None: the policy takes none."""
 
 
 class Severity(Enum):

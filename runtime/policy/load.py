@@ -73,7 +73,11 @@ class InHullUnits:
         length, time, force = units
         speed = units.speed
         inner = policy.shown
-        self.shown = inner._replace(range_m=inner.range_m * length)
+        reach = inner.contour_m
+        self.shown = inner._replace(
+            range_m=inner.range_m * length,
+            contour_m=None if reach is None else reach * length,
+        )
         ego = (length, length, speed, speed, 1.0 / time, force, force)
         self._ego = (1.0 / np.array(ego)).astype(np.float32)
         self._outline = (1.0 / np.array([length, length, 1.0])).astype(np.float32)
@@ -103,6 +107,7 @@ class InHullUnits:
             mask=observation.mask,
             outlines=None if observation.outlines is None else observation.outlines * self._outline,
             hull=self._hull,
+            contour=None if observation.contour is None else observation.contour * self._ego[0],
         )
         return self.policy.act(seen) * (self.units.force / self.units.time)
 

@@ -299,7 +299,7 @@ class Pipeline:
             self.keeper.reset()
         if self._schedule.is_due(odometry.stamp_ns):
             observation = observe(
-                odometry, goal, tracks, before, self._observation, self.policy.shown
+                odometry, goal, tracks, before, self._observation, self.policy.shown, self.chart
             )
             try:
                 self._rate = self.policy.act(observation)
