@@ -588,7 +588,7 @@ def _charted(file: ScenarioFile) -> tuple[Feature, ...]:
     return tuple(found)
 
 
-AROUND_M = 2000.0
+AROUND_M = 300.0
 """[m] What an inclusion fence forbids is given to the vessels as far as this around the map."""
 
 
