@@ -54,7 +54,7 @@ def sitl(
     ] = True,
     seed: Annotated[int, typer.Option(help="What everything random is drawn from.", min=0)] = 0,
     policy: Annotated[
-        str, typer.Option(help="apf, mpc, a name in config/policies, or an ONNX file.")
+        str, typer.Option(help="apf, mpc, orca, sbmpc, a name in config/policies, or an ONNX file.")
     ] = "ac_iqn",
     trial: Annotated[
         str,
