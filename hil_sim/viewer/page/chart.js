@@ -10,6 +10,7 @@ import {
   drawGrid,
   drawObjects,
   drawRegion,
+  drawRoute,
   drawScaleBar,
   drawScene,
   drawTarget,
@@ -172,6 +173,7 @@ export class Chart {
     if (shown.zones && (isFollowed || !model.followed)) {
       drawZones(pen, camera, zones, vessel, model.greeting.zones, isFollowed);
     }
+    if (shown.goals) drawRoute(pen, camera, vessel, colour);
     if (shown.goals) drawGoal(pen, camera, vessel, model.greeting.goal_radius_m, colour);
     if (shown.objects && detailed) drawObjects(pen, camera, vessel, colour);
     if (shown.tracks) drawTracks(pen, camera, vessel, colour, detailed);

@@ -200,6 +200,23 @@ export function drawTrail(pen, camera, places, colour) {
   pen.globalAlpha = alpha;
 }
 
+// The way that the vessel means to go, around what is fixed.
+export function drawRoute(pen, camera, { route, ended }, colour) {
+  if (!route || route.length < 2 || ended) return;
+  pen.strokeStyle = pen.fillStyle = colour;
+  pen.lineWidth = 1.4;
+  pen.setLineDash([7, 4]);
+  pen.beginPath();
+  for (const [north, east] of route) pen.lineTo(camera.x(east), camera.y(north));
+  pen.stroke();
+  pen.setLineDash([]);
+  for (const [north, east] of route.slice(1, -1)) {
+    pen.beginPath();
+    pen.arc(camera.x(east), camera.y(north), 2.5, 0, 2 * Math.PI);
+    pen.fill();
+  }
+}
+
 export function drawGoal(pen, camera, { goal, pose, ended }, radius, colour) {
   if (!goal) return;
   const [x, y] = [camera.x(goal[1]), camera.y(goal[0])];

@@ -10,6 +10,7 @@ from twinscrew.hil_sim.viewer.vessel import (
     FRESH_S,
     MOST_EVENTS,
     NEW_EVENTS,
+    ROUTE_S,
     SHOWN,
     Series,
     Vessel,
@@ -135,6 +136,14 @@ def test_its_chart_is_what_the_topic_says_last(vessel):
     vessel.take("chart", b"no chart", 0.0)
     assert vessel.refused == 1
     assert len(vessel.chart) == 2
+
+
+def test_its_route_is_shown_while_it_is_fresh(vessel):
+    vessel.take("odometry", odometry(), 0.0)
+    places = np.array([(10.0, 20.0), (15.0, 25.0), (30.0, 25.0)])
+    vessel.take("planned_route", cdr.encode_path(places, stamp_ns=S, frame_id="map"), 0.0)
+    assert view(vessel, 1.0)["route"] == places.tolist()
+    assert view(vessel, 1.0 + ROUTE_S)["route"] == []
 
 
 def test_the_goal_is_where_the_topic_says_or_else_where_the_policy_was_told_it_is(vessel):
