@@ -70,7 +70,7 @@ class RuntimeConfig(Settings, frozen=True):
     """Where the LiDAR sits, x_m, y_m, z_m (forward, port, up from the vessel's origin) and
     roll_rad, pitch_rad, yaw_rad; none takes the sensor's own description's."""
     policy: str = "ac_iqn"
-    """A name in config/policies, an ONNX file, "apf" or "mpc"."""
+    """A name in config/policies, an ONNX file, "apf", "mpc", "orca" or "sbmpc"."""
     risk: RiskSettings = RiskSettings()
     odometry_source: Literal["bus", "autopilot", "gps_imu"] = "bus"
     """Where odometry comes from: the `odometry` topic, the autopilot's own estimate, or a filter
