@@ -382,6 +382,9 @@ class Vessel:
         decision, fault = self.pipeline.step(cloud, verdict.odometry, engaged=self.engaged)
         self.decision = out.decision = decision
         out.goals_N = self.pipeline.mission.ahead_N
+        ahead_N = self.pipeline.guidance.ahead_N
+        here_N = verdict.odometry.position_N[None, :2]
+        out.route_N = np.concatenate([here_N, ahead_N]) if len(ahead_N) else ahead_N
         self._fault = fault is not None
         self._watch_place(out, now_s)
         self._has_looked = self._has_looked or self.pipeline.knows_surroundings
