@@ -28,6 +28,7 @@ from twinscrew.runtime.messages.navigation import as_read_back
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
+    Berth,
     Decision,
     Engagement,
     Explanation,
@@ -54,6 +55,7 @@ from twinscrew.runtime.safety.events import (
     GOAL_FRAME,
     INTERNAL_ERROR,
     KINDS,
+    STATION_REFUSED,
 )
 from twinscrew.runtime.safety.explain import assurance_manoeuvre, explain
 from twinscrew.runtime.safety.guard import NEUTRAL, Guard, ThrustLimits, Watchdog
@@ -73,7 +75,7 @@ FAULT_HOLD_S = 1.0
 class _Order(NamedTuple):
     """A goal, a route or a place to hold, as it came."""
 
-    kind: Literal["goal", "route", "hold"]
+    kind: Literal["goal", "route", "hold", "berth"]
     stamp_ns: int
     places: Float64
     """[m] (K, 2) y and x in its frame: north and east if that is the frame of positions. Of a place
@@ -155,6 +157,7 @@ class Vessel:
             "goal": self._goal,
             "route": self._route,
             "hold": self._hold,
+            "berth": self._berth,
             "engagement": self._engagement,
             "fallback": self._fallback,
             "gps": self._fix,
@@ -417,6 +420,18 @@ class Vessel:
             places = np.vstack([places, places[0] + ahead])
         self._order(_Order("hold", station.stamp_ns, places, (station.frame_id,)), out, now_s)
 
+    def _berth(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        path = cdr.decode_path(taken.payload)
+        if len(path.places_N) != 2:
+            raise MessageError(f"a berth's face has two ends, got {len(path.places_N)} places")
+        length_m = float(np.hypot(*(path.places_N[1] - path.places_N[0])))
+        least_m = self.pipeline.keeper.vessel.length_m if self.pipeline.keeper else 0.0
+        if not max(0.5 * least_m, 0.1) <= length_m:
+            words = f"a face of {length_m:.1f} m is too short for a vessel of {least_m:.1f} m"
+            self._tell(out, now_s, STATION_REFUSED.at(self.stamp_ns, words))
+            return
+        self._order(_Order("berth", path.stamp_ns, path.places_N, path.frame_ids), out, now_s)
+
     def _order(self, order: _Order, out: Outputs, now_s: float) -> None:
         """Take an order, in whatever frame; one that cannot be placed is refused.
 
@@ -439,6 +454,8 @@ class Vessel:
             self._tell(out, now_s, mission.set_route(places_N, stamp_ns))
         elif order.kind == "hold":
             self._tell(out, now_s, mission.set_station(_station(places_N, stamp_ns)))
+        elif order.kind == "berth":
+            self._tell(out, now_s, mission.set_berth(Berth(stamp_ns=stamp_ns, face_N=places_N)))
         else:
             goal = Goal(stamp_ns=stamp_ns, position_N=places_N[0])
             self._tell(out, now_s, mission.set_goal(goal))
