@@ -50,6 +50,13 @@ def export(
             show_default="the configuration's, in the checkpoint's phase",
         ),
     ] = None,
+    open_water: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RUN_DIR",
+            help="Where no edge is near, act as the last actor of this run does.",
+        ),
+    ] = None,
     episodes: Annotated[
         int, typer.Option(min=1, help="For the card, in each of the six settings.")
     ] = 1000,
@@ -60,7 +67,7 @@ def export(
     """Turn a training run's actor into a self-contained ONNX file."""
     console = Console(stderr=True)
     checkpoint = which_checkpoint(run_dir, last=last)
-    policy, settings, trained = load_run(run_dir, checkpoint, margin, risk)
+    policy, settings, trained = load_run(run_dir, checkpoint, margin, risk, open_water)
     if checkpoint != (runs.CHECKPOINT if last else runs.BEST):
         console.print(
             f"{checkpoint} is all that there is yet: step {trained['checkpoint']['step']}"

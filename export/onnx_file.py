@@ -12,6 +12,7 @@ import onnx
 import torch
 from torch import Tensor, nn
 
+from twinscrew.runtime.charts.contour import CONTOUR_RANGE_M, SECTORS
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.policy.hull_units import HULL_COLUMNS, HULL_UNITS
 from twinscrew.training.networks import DEFAULT_HULL, Observations, Pilot, circles
@@ -73,6 +74,15 @@ def inputs_of(layout: Layout, risk: float | None, *, any_hull: bool = False) -> 
             "units": list(HULL_UNITS),
             "default": [round(value, 6) for value in DEFAULT_HULL],
         }
+    if layout.contour:
+        inputs["contour"] = {
+            "shape": ["N", SECTORS],
+            "frame": "B",
+            "columns": ["distance"],
+            "units": ["m"],
+            "range_m": CONTOUR_RANGE_M,
+            "default": f"{CONTOUR_RANGE_M:g}: nothing fixed",
+        }
     if risk is not None:
         inputs["risk"] = {
             "shape": ["N", 1],
@@ -118,13 +128,17 @@ class DeployedPolicy(nn.Module):
         mask: Tensor,
         outlines: Tensor | None = None,
         hull: Tensor | None = None,
+        contour: Tensor | None = None,
+        beyond: Tensor | None = None,  # noqa: ARG002 - an observation's last part, for critics
         risk: Tensor | None = None,
     ) -> Tensor:
         """Give thrust rates (N, 2) [N/s], left and right, at risk levels (N, 1), if any."""
         seen = circles(ego, objects, mask)
         if outlines is not None and hull is not None:
             hull = hull.expand(ego.shape[0], -1)
-            seen = Observations(ego, objects, mask, outlines, hull)
+            seen = seen._replace(outlines=outlines, hull=hull)
+        if contour is not None:
+            seen = seen._replace(contour=contour.expand(ego.shape[0], -1))
         action: Tensor = self.pilot(seen, risk)
         return action * self.rate_max
 
@@ -151,7 +165,10 @@ def example_inputs(count: int, seed: int, layout: Layout = PAPER) -> Observation
     outlined = uniform(0, 1, *shape, 1) < 0.5
     outlines = torch.cat([half, heading], dim=2) * mask[:, :, None] * outlined
     hull = seen.hull * uniform(0.7, 1.4, count, seen.hull.shape[1])
-    return seen._replace(outlines=outlines, hull=hull)
+    if not layout.contour:
+        return seen._replace(outlines=outlines, hull=hull)
+    contour = uniform(0.0, 2.0 * CONTOUR_RANGE_M, count, SECTORS).clamp(max=CONTOUR_RANGE_M)
+    return seen._replace(outlines=outlines, hull=hull, contour=contour)
 
 
 def onnx_bytes(
@@ -172,6 +189,8 @@ def onnx_bytes(
     if layout.extended:
         _give_default(model.graph, "outlines", [1, 1, OUTLINE_COLUMNS], [0.0] * OUTLINE_COLUMNS)
         _give_default(model.graph, "hull", [1, len(DEFAULT_HULL)], DEFAULT_HULL)
+    if layout.contour:
+        _give_default(model.graph, "contour", [1, SECTORS], [CONTOUR_RANGE_M] * SECTORS)
     if policy.risk is not None:
         _give_default(model.graph, "risk", [1, 1], [policy.risk])
     onnx.helper.set_model_props(model, dict(metadata))
@@ -193,6 +212,8 @@ def _trace(policy: DeployedPolicy, layout: Layout) -> onnx.ModelProto:
             fed[name] = (getattr(example, name), {0: batch, 1: count})
         # What is traced as one row for all is broadcast by the graph, which so takes one a row too.
         fed["hull"] = (example.hull[:1], None)
+    if layout.contour:
+        fed["contour"] = (example.contour[:1], None)
     if policy.risk is not None:
         fed["risk"] = (torch.full((1, 1), policy.risk), None)
     shapes = {name: shape for name, (_, shape) in fed.items()}

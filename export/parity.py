@@ -99,19 +99,27 @@ def _levels(policy: DeployedPolicy, rows: int) -> list[Tensor | None]:
 def recorded_observations(
     layout: Layout = PAPER, decisions: int = 40, seed: int = 11
 ) -> Observations:
-    """Give what vessels see while they sail at random in the most crowded setting."""
-    row = ScenarioSettings(robots=5, buoys=4, min_distance_m=40.0)
+    """Give what vessels see while they sail at random in the most crowded setting.
+
+    And in harbours, if edges are seen.
+    """
+    rows = [ScenarioSettings(robots=5, buoys=4, min_distance_m=40.0)]
+    if layout.contour:
+        rows.append(ScenarioSettings(robots=5, harbour=("mixed", "gap")))
     settings = EnvironmentSettings(
-        scenarios=(row,), observed_objects=layout.objects, extended=layout.extended
+        scenarios=tuple(rows),
+        observed_objects=layout.objects,
+        extended=layout.extended,
+        contour=layout.contour,
     )
     environment = VectorEnv(settings, 8, seed)
     generator = np.random.default_rng(seed)
-    seen, rows = environment.reset(), []
+    seen, recorded = environment.reset(), []
     for _ in range(decisions):
-        rows.append(seen.rows.reshape(-1, seen.rows.shape[-1]))
+        recorded.append(seen.rows.reshape(-1, seen.rows.shape[-1]))
         seen = environment.step(generator.uniform(-0.5, 1.0, (8, 5, 2))).observation
     return Observations(
-        *(part.contiguous() for part in unpack(torch.from_numpy(np.concatenate(rows))))
+        *(part.contiguous() for part in unpack(torch.from_numpy(np.concatenate(recorded))))
     )
 
 

@@ -12,7 +12,7 @@ from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.settings import convert
 from twinscrew.training import runs
 from twinscrew.training.agents import AnyAgentSettings, algorithm, make_agent, risk_levels
-from twinscrew.training.networks import Pilot
+from twinscrew.training.networks import Beside, Pilot
 from twinscrew.training.settings import TrainSettings, phase_settings
 
 
@@ -28,6 +28,7 @@ def load_run(
     checkpoint: str = runs.BEST,
     radius_margin: float | None = None,
     risk: float | None = None,
+    open_water: Path | None = None,
 ) -> tuple[Pilot, TrainSettings, dict[str, Any]]:
     """Read a run directory.
 
@@ -39,6 +40,8 @@ def load_run(
         The name of its file.
     radius_margin, risk
         Other than what the run was told.
+    open_water
+        A run directory whose actor acts where no edge is near (`networks.Beside`).
 
     Returns
     -------
@@ -73,7 +76,23 @@ def load_run(
     agent.retune(_at_risk(phase_settings(settings, phase).agent, risk))
     if radius_margin is not None:
         settings = msgspec.structs.replace(settings, radius_margin=radius_margin)
-    return agent.deployed(settings.radius_margin), settings, trained
+    pilot = agent.deployed(settings.radius_margin)
+    if open_water is not None:
+        pilot, trained["open_water"] = _beside(pilot, settings, open_water)
+    return pilot, settings, trained
+
+
+def _beside(edges: Pilot, settings: TrainSettings, folder: Path) -> tuple[Pilot, dict[str, Any]]:
+    """Let a run's last actor act where no edge is near; say which it is."""
+    open_water, _, trained = load_run(folder, which_checkpoint(folder, last=True))
+    sees, takes_level = settings.agent.network, edges.risk is not None
+    fits = open_water.see.scales == edges.see.scales and open_water.see.kind == edges.see.kind
+    if not sees.contour or not fits or (open_water.risk is not None) != takes_level:
+        raise ConfigError("a contour, and two runs that see alike, are needed", key="--open-water")
+    both = Beside(open_water.actor, edges.actor)
+    level = None if edges.risk is None else float(edges.risk)
+    pilot = Pilot(edges.see, both, settings.radius_margin, level)
+    return pilot, {"seed": trained["seed"], "checkpoint": trained["checkpoint"]}
 
 
 def _at_risk(settings: AnyAgentSettings, risk: float | None) -> AnyAgentSettings:

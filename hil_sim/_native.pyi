@@ -24,6 +24,9 @@ class Caster:
     ) -> int:
         """Add the solids of a shape, (P,) (P, 3) (P, 3, 3) (P, 3); give the shape's number."""
 
+    def add_plate(self, shape: int, down_m: float, ring: NDArray[np.float64]) -> None:
+        """Add a level polygon, (M, 2), to a shape, `down_m` below its origin; seen from above."""
+
     def mount(self, own_shape: int, p_BS: NDArray[np.float64], R_BS: NDArray[np.float64]) -> None:
         """Put the sensor on a shape at a pose, (3,) and (3, 3)."""
 

@@ -1,4 +1,8 @@
-"""How near the vessels are to everything they may not touch: circles, and boxes seen from above."""
+"""How near the vessels are to everything they may not touch.
+
+Vessels, buoys, piles and boxes by the circles around the hulls, as the paper's experiments; shores
+and fences by the hulls' rectangles, because a circle cannot pass where a hull can.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from twinscrew.runtime.charts.static_map import StaticMap
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.vessel_description import VesselDescription
 
@@ -17,7 +22,7 @@ class Obstacles:
     """What stands still."""
 
     circles: Float64
-    """[m] [N] (B, 3) North, east, radius: buoys."""
+    """[m] [N] (B, 3) North, east, radius: buoys and piles."""
     boxes: Float64
     """[m, rad] [N] (Q, 6) North, east of the centre; length, width, height; heading: quays."""
 
@@ -118,3 +123,74 @@ def distance_to_box(position_N: Float64, box: Float64) -> Float64:
     outside = np.maximum(np.abs(offset) - [length / 2, width / 2], 0.0)
     distance: Float64 = np.hypot(outside[:, 0], outside[:, 1])
     return distance
+
+
+SIGHT_M = 25.0
+"""[m] Edges farther from a vessel's origin than this are not looked at,"""
+RENEW_M = 5.0
+"""[m] and those within are looked up again when a vessel has moved so far."""
+
+
+class Shore:
+    """How far hulls, as rectangles, are from a forbidden region.
+
+    Parameters
+    ----------
+    region
+        What they must keep out of.
+    vessels
+        Their lengths and beams.
+    """
+
+    def __init__(self, region: StaticMap, vessels: Sequence[VesselDescription]) -> None:
+        self._region = region
+        self._halves = np.array([(v.length_m, v.beam_m) for v in vessels]) / 2
+        signs = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)])
+        self._corners = signs * self._halves[:, None]  # (V, 4, 2), frame B
+        self._at: Float64 | None = None
+        self._edges = np.empty((0, 2, 2))
+
+    def gaps(self, position_N: Float64, heading: Float64) -> Float64:
+        """Give each hull's distance (V,) [m]; not above 0 in contact, infinite far away.
+
+        Parameters
+        ----------
+        position_N : (V, 2) float64
+            Where the vessels are [m], frame N.
+        heading : (V,) float64
+            [rad]
+        """
+        self._look_up(position_N)
+        if not len(self._edges):
+            return np.full(len(position_N), np.inf)
+        c, s = np.cos(heading)[:, None], np.sin(heading)[:, None]
+        off = self._edges[None] - position_N[:, None, None]  # (V, K, 2, 2)
+        x = off[..., 0] * c[..., None] + off[..., 1] * s[..., None]
+        y = off[..., 1] * c[..., None] - off[..., 0] * s[..., None]
+        half = self._halves[:, None]
+        # Each edge's beginning to the rectangle: every corner of the region begins an edge.
+        beyond = np.maximum(np.abs(x[..., 0]) - half[..., 0], 0.0)
+        aside = np.maximum(np.abs(y[..., 0]) - half[..., 1], 0.0)
+        gaps = np.hypot(beyond, aside).min(axis=1)
+        # Each corner of the rectangle to the edges.
+        dx, dy = (x[..., 1] - x[..., 0])[:, None], (y[..., 1] - y[..., 0])[:, None]
+        to_x = self._corners[..., :1] - x[:, None, :, 0]
+        to_y = self._corners[..., 1:] - y[:, None, :, 0]
+        t = np.clip((to_x * dx + to_y * dy) / np.maximum(dx * dx + dy * dy, 1e-12), 0.0, 1.0)
+        gaps = np.minimum(gaps, np.hypot(to_x - t * dx, to_y - t * dy).min(axis=(1, 2)))
+        # What lies across a rectangle, and leaves its corners free, crosses one of its diagonals.
+        for vessel in np.flatnonzero(gaps < np.hypot(*self._halves.T)).tolist():
+            cos, sin = float(c[vessel, 0]), float(s[vessel, 0])
+            corners = self._corners[vessel] @ np.array([[cos, sin], [-sin, cos]])
+            fore, starboard, aft, port = position_N[vessel] + corners
+            if self._region.blocks(fore, aft) or self._region.blocks(starboard, port):
+                gaps[vessel] = -gaps[vessel]
+        return np.asarray(gaps)
+
+    def _look_up(self, position_N: Float64) -> None:
+        """Keep the edges that are near any vessel."""
+        if self._at is not None and np.abs(position_N - self._at).max() < RENEW_M:
+            return
+        self._at = position_N.copy()
+        near = [self._region.near(place, SIGHT_M) for place in position_N]
+        self._edges = np.unique(np.concatenate(near), axis=0)

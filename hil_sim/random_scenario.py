@@ -11,6 +11,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from twinscrew.hil_sim.contacts import distance_to_box
+from twinscrew.runtime.charts.static_map import StaticMap
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import NonNegative, Settings
@@ -68,11 +69,17 @@ class _NoPlaceError(Exception):
 
 
 def draw(
-    settings: RandomSettings, vessels: int, buoys: int, rng: Generator, quays: Float64 = NO_QUAYS
+    settings: RandomSettings,
+    vessels: int,
+    buoys: int,
+    rng: Generator,
+    quays: Float64 = NO_QUAYS,
+    fixed: StaticMap | None = None,
 ) -> tuple[Float64, Float64, Float64]:
     """Draw starts (V, 3), goals (V, 2) and buoys (B, 3): north, east [m], heading or radius.
 
-    Quays are given as a scenario has them, (Q, 6): nothing is placed on them. Everything is uniform
+    Quays are given as a scenario has them, (Q, 6); `fixed` is land and what else is forbidden:
+    nothing is placed on them, and no vessel nearer to them than `quay_gap_m`. Everything is uniform
     where it may lie, headings too. If one thing finds no place beside those drawn before, all are
     drawn afresh: without that, five vessels often leave no place for buoys.
 
@@ -81,17 +88,18 @@ def draw(
     ConfigError
         No layout was found: too many for the map.
     """
+    shores = _Shores(quays, fixed or StaticMap.empty())
     for _ in range(LAYOUTS):
         try:
-            starts, goals = _draw_vessels(settings, vessels, rng, quays)
-            centres = _draw_buoys(settings, buoys, np.concatenate([starts, goals]), rng, quays)
+            starts, goals = _draw_vessels(settings, vessels, rng, shores)
+            centres = _draw_buoys(settings, buoys, np.concatenate([starts, goals]), rng, shores)
         except _NoPlaceError:
             continue
         headings = rng.uniform(-math.pi, math.pi, vessels)
         radii = np.full(buoys, settings.buoy_radius_m)
         return np.column_stack([starts, headings]), goals, np.column_stack([centres, radii])
     low, high = settings.vessel_area_m
-    ashore = f", {settings.quay_gap_m:g} m from every quay" if len(quays) else ""
+    ashore = f", {settings.quay_gap_m:g} m from every quay" if shores.any else ""
     raise ConfigError(
         f"no place found for {vessels} vessels and {buoys} buoys: starts {settings.start_gap_m:g} m"
         f" and goals {settings.goal_gap_m:g} m apart, {_min_distance(settings, vessels):g} m from "
@@ -100,8 +108,21 @@ def draw(
     )
 
 
+class _Shores:
+    """Quays, and what else is fixed."""
+
+    def __init__(self, quays: Float64, fixed: StaticMap) -> None:
+        self._quays, self._fixed = quays, fixed
+        self.any = bool(len(quays)) or not fixed.is_empty
+
+    def distance_m(self, places_N: Float64) -> Float64:
+        """Give how far places, (n, 2), are from the nearest shore, (n,) [m]; 0 on it."""
+        quays = from_quays(places_N, self._quays).min(axis=1, initial=np.inf)
+        return np.asarray(np.minimum(quays, self._fixed.distance_m(places_N)))
+
+
 def _draw_vessels(
-    settings: RandomSettings, count: int, rng: Generator, quays: Float64
+    settings: RandomSettings, count: int, rng: Generator, shores: _Shores
 ) -> tuple[Float64, Float64]:
     (low, high), starts, goals = settings.vessel_area_m, np.empty((0, 2)), np.empty((0, 2))
     for _ in range(count):
@@ -113,21 +134,23 @@ def _draw_vessels(
         fits &= _clear(start, goals, settings.start_to_other_goals_m)
         fits &= _clear(goal, starts, settings.start_to_other_goals_m)
         for place in (start, goal):
-            fits &= (from_quays(place, quays) >= settings.quay_gap_m).all(axis=1)
+            if shores.any:
+                fits &= shores.distance_m(place) >= settings.quay_gap_m
         first = _first(fits)
         starts, goals = np.vstack([starts, start[first]]), np.vstack([goals, goal[first]])
     return starts, goals
 
 
 def _draw_buoys(
-    settings: RandomSettings, count: int, ports: Float64, rng: Generator, quays: Float64
+    settings: RandomSettings, count: int, ports: Float64, rng: Generator, shores: _Shores
 ) -> Float64:
     (low, high), centres, radius = settings.buoy_area_m, np.empty((0, 2)), settings.buoy_radius_m
     for _ in range(count):
         candidates = rng.uniform(low, high, (CANDIDATES, 2))
         fits = _clear(candidates, ports, radius + settings.buoy_gap_m)
         fits &= _clear(candidates, centres, 2 * radius)
-        fits &= (from_quays(candidates, quays) >= radius).all(axis=1)
+        if shores.any:
+            fits &= shores.distance_m(candidates) >= radius
         centres = np.vstack([centres, candidates[_first(fits)]])
     return centres
 

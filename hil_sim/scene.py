@@ -11,7 +11,15 @@ from twinscrew.hil_sim.bodies import Bodies
 from twinscrew.hil_sim.buoys import floating
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import Sea
-from twinscrew.hil_sim.shapes import Shape, boxes_shape, load_shape, vessel_shape
+from twinscrew.hil_sim.shapes import (
+    Shape,
+    boxes_shape,
+    joined,
+    load_shape,
+    posts_shape,
+    vessel_shape,
+    walls_shape,
+)
 from twinscrew.hil_sim.traffic import Traffic, shape_of
 from twinscrew.hil_sim.vessel.state import VesselState
 from twinscrew.runtime.messages.types import Float64
@@ -20,14 +28,14 @@ from twinscrew.runtime.vessel_description import VesselDescription
 VESSEL, BUOY, QUAYS = 0, 1, 2
 """Numbers of the shapes; further kinds of vessels come after them."""
 QUAY_DRAUGHT = 2.0
-"""[m] How far a quay reaches below the water at rest: deeper than any trough."""
+"""[m] How far quays, land and piles reach below the water at rest: deeper than any trough."""
 
 
 def shapes(scenario: Scenario, vessels: Sequence[VesselDescription]) -> tuple[Shape, ...]:
     """Give the shapes of everything in a scenario, in the order of their numbers."""
     kinds = list({vessel.key: vessel for vessel in vessels}.values())
     first, *further = [vessel_shape(kind) for kind in kinds]
-    quays = [_quays(scenario.quays)] if len(scenario.quays) else []
+    quays = [_standing(scenario)] if stands(scenario) else []
     traffic = [shape_of(entry) for entry in scenario.traffic]
     return (first, load_shape("light_buoy"), *quays, *further, *traffic)
 
@@ -35,7 +43,7 @@ def shapes(scenario: Scenario, vessels: Sequence[VesselDescription]) -> tuple[Sh
 def shape_numbers(scenario: Scenario, vessels: Sequence[VesselDescription]) -> NDArray[np.int64]:
     """Give the number of each vessel's shape, (V,), among `shapes`."""
     kinds = list(dict.fromkeys(vessel.key for vessel in vessels))
-    after = QUAYS + int(len(scenario.quays) > 0) - 1
+    after = QUAYS + int(stands(scenario)) - 1
     kind = np.array([kinds.index(vessel.key) for vessel in vessels])
     return np.where(kind == 0, VESSEL, after + kind)
 
@@ -49,12 +57,12 @@ def bodies(
     traffic: Traffic | None = None,
     first_traffic: int = 0,
 ) -> Bodies:
-    """Give everything that can be seen: vessels, buoys, all quays as one body, then traffic.
+    """Give everything that can be seen: vessels, buoys, all that stands as one body, then traffic.
 
     `shapes`, (V,), are the numbers of the vessels' shapes, or `ABSENT`; scripted ships have those
     from `first_traffic` on.
     """
-    B, Q = len(scenario.buoys), int(len(scenario.quays) > 0)
+    B, Q = len(scenario.buoys), int(stands(scenario))
     shape = np.concatenate([shapes, np.full(B, BUOY), np.full(Q, QUAYS)]).astype(np.int32)
     afloat = floating(scenario.buoys[:, :2], sea, time_s)
     upright = np.broadcast_to(np.eye(3), (B + Q, 3, 3))
@@ -104,6 +112,20 @@ def rotations(q_NB: Float64) -> Float64:
     R[:, 0, 2], R[:, 2, 0] = 2 * (x * z + y * w), 2 * (x * z - y * w)
     R[:, 1, 2], R[:, 2, 1] = 2 * (y * z - x * w), 2 * (y * z + x * w)
     return R
+
+
+def stands(scenario: Scenario) -> bool:
+    """Tell whether anything stands in the water: quays, land or piles."""
+    return bool(len(scenario.quays) or scenario.land or len(scenario.piles))
+
+
+def _standing(scenario: Scenario) -> Shape:
+    parts = [
+        _quays(scenario.quays),
+        posts_shape(scenario.piles, QUAY_DRAUGHT),
+        *(walls_shape(land.outline, land.height_m, QUAY_DRAUGHT) for land in scenario.land),
+    ]
+    return joined([part for part in parts if len(part.kinds)])
 
 
 def _quays(quays: Float64) -> Shape:

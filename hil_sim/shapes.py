@@ -1,9 +1,9 @@
-"""What things look like to a LiDAR: boxes and cylinders (config/shapes, config/vessels)."""
+"""What things look like to a LiDAR: boxes, cylinders, and land (config/shapes, config/vessels)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +38,8 @@ class Shape:
     """(P, 3, 3) R_BP: a solid's own axes in B; a cylinder lies along its x."""
     halves: Float64
     """[m] (P, 3) Half lengths along a solid's own axes; cylinder: half length, radius, radius."""
+    plates: tuple[tuple[float, Float64], ...] = ()
+    """[m] [B] Level polygons seen from above: how far down, and corners (M, 2)."""
 
 
 Solid = tuple[int, Float64, Float64, Float64]
@@ -96,6 +98,49 @@ def boxes_shape(centres: Float64, sizes: Float64, yaws: Float64) -> Shape:
         centres=np.array(centres, dtype=np.float64),
         rotations=np.array(turns).reshape(-1, 3, 3),
         halves=np.array(sizes, dtype=np.float64) / 2,
+    )
+
+
+def posts_shape(posts: Float64, depth_m: float) -> Shape:
+    """Give upright cylinders, (P, 4) [m]: x, y, radius, height; they reach `depth_m` down."""
+    upright = _frame_along(np.array([0.0, 0.0, 1.0]))
+    x, y, radius, height = posts.T
+    return Shape(
+        kinds=np.full(len(posts), CYLINDER, dtype=np.int32),
+        centres=np.column_stack([x, y, (depth_m - height) / 2]),
+        rotations=np.tile(upright, (len(posts), 1, 1)),
+        halves=np.column_stack([(depth_m + height) / 2, radius, radius]),
+    )
+
+
+def walls_shape(outline: Float64, height_m: float, depth_m: float) -> Shape:
+    """Give land: a wall, a box of no thickness, along each edge of a polygon, and a plate on top.
+
+    Parameters
+    ----------
+    outline : (M, 2) float64
+        Its corners [m], x and y.
+    height_m, depth_m
+        How far the walls reach up and down.
+    """
+    ends = np.roll(outline, -1, axis=0)
+    along, count = ends - outline, len(outline)
+    walls = boxes_shape(
+        np.column_stack([(outline + ends) / 2, np.full(count, (depth_m - height_m) / 2)]),
+        np.column_stack([np.hypot(*along.T), np.zeros(count), np.full(count, depth_m + height_m)]),
+        np.arctan2(along[:, 1], along[:, 0]),
+    )
+    return replace(walls, plates=((-height_m, np.ascontiguousarray(outline)),))
+
+
+def joined(shapes: Sequence[Shape]) -> Shape:
+    """Give one shape of several."""
+    return Shape(
+        kinds=np.concatenate([shape.kinds for shape in shapes]),
+        centres=np.concatenate([shape.centres for shape in shapes]),
+        rotations=np.concatenate([shape.rotations for shape in shapes]),
+        halves=np.concatenate([shape.halves for shape in shapes]),
+        plates=tuple(plate for shape in shapes for plate in shape.plates),
     )
 
 

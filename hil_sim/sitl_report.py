@@ -19,6 +19,10 @@ class VesselReport:
     outcome: str
     travel_time_s: float
     closest_approach_m: float
+    touched: str | None
+    """What it was in contact with when it ended: vessel, traffic, buoy, quay or fence."""
+    greatest_current_mps: float
+    """[m/s] The fastest water it was in."""
     decisions: int
     latency: LatencySummary
     energy_ns: float
@@ -58,6 +62,8 @@ def vessel_reports(result: VoyageResult, runs: Sequence[RunSummary]) -> tuple[Ve
             outcome=vessel.outcome.value if vessel.outcome else "timeout",
             travel_time_s=vessel.travel_time_s,
             closest_approach_m=vessel.closest_approach_m,
+            touched=vessel.touched,
+            greatest_current_mps=vessel.greatest_current_mps,
             decisions=run.decisions,
             latency=LatencySummary(run.decisions, **run.latency_ms),
             energy_ns=float(energy[i]),

@@ -32,7 +32,11 @@ class Slice:
             sensor.elevations, sensor.azimuths[columns], sensor.range_min_m, sensor.range_max_m
         )
         for shape in shapes:
-            self._caster.add_shape(shape.kinds, shape.centres, shape.rotations, shape.halves)
+            number = self._caster.add_shape(
+                shape.kinds, shape.centres, shape.rotations, shape.halves
+            )
+            for down_m, ring in shape.plates:
+                self._caster.add_plate(number, down_m, ring)
         self._caster.mount(own_shape, self._position_B, self._R_BS)
         rows = np.arange(len(sensor.elevations))[:, None] * len(sensor.azimuths)
         self._numbers = (rows + columns).astype(np.int32).ravel()

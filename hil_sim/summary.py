@@ -14,6 +14,7 @@ from twinscrew.hil_sim.sitl_report import SitlReport
 COLOURS = {
     "goal": "green",
     "collision": "red",
+    "fence": "red",
     "timeout": "yellow",
     "done": "green",
     "ended": "yellow",
@@ -39,6 +40,8 @@ def as_dict(report: SitlReport) -> dict[str, Any]:
                 "travel_time_s": round(vessel.travel_time_s, 3),
                 "closest_approach_m": _finite(vessel.closest_approach_m),
                 "decisions": vessel.decisions,
+                "touched": vessel.touched,
+                "greatest_current_mps": round(vessel.greatest_current_mps, 3),
             }
             for vessel in report.vessels
         ],
@@ -79,10 +82,10 @@ def as_table(report: SitlReport) -> Table:
     )
     for vessel in report.vessels:
         colour = COLOURS[vessel.outcome]
-        near = vessel.closest_approach_m
+        near, what = vessel.closest_approach_m, vessel.touched
         table.add_row(
             vessel.name,
-            f"[{colour}]{vessel.outcome}[/{colour}]",
+            f"[{colour}]{vessel.outcome}[/{colour}]" + (f", {what}" if what else ""),
             f"{vessel.travel_time_s:.1f} s",
             f"{near:.2f} m" if math.isfinite(near) else "-",
             str(vessel.decisions),

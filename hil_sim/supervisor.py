@@ -12,7 +12,7 @@ from typing import Literal
 
 import numpy as np
 
-from twinscrew.hil_sim.world import World
+from twinscrew.hil_sim.world import Touched, World
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import Settings
 
@@ -22,6 +22,8 @@ class Outcome(Enum):
 
     GOAL = "goal"
     COLLISION = "collision"
+    FENCE = "fence"
+    """It entered a keep-out area, or crossed a fence."""
     TIMEOUT = "timeout"
     DONE = "done"
     """A trial was sailed to its end."""
@@ -36,7 +38,8 @@ class SupervisorSettings(Settings, frozen=True, kw_only=True):
     """Hold it at its goal, where others must keep clear of it; or take it off the map, as in
     training."""
     after_collision: Literal["vanish", "stop"] = "vanish"
-    """Take it off the map, as in training; or hold it where it is, a wreck in the others' way."""
+    """Take it off the map, as in training; or hold it where it is, a wreck in the others' way. Of
+    one that has entered a fence likewise."""
     goals_count: bool = True
     """Whether a voyage ends at its goal. One on trial has none: see `Supervisor.finish`."""
 
@@ -52,6 +55,10 @@ class Result:
     """[s] Simulation time from the beginning to the outcome, or to now."""
     closest_approach_m: float
     """[m] Least distance to another's surface while under way; infinite if there is no other."""
+    touched: Touched | None = None
+    """What it was in contact with when it ended."""
+    greatest_current_mps: float = 0.0
+    """[m/s] The fastest water it was in."""
 
 
 class Supervisor:
@@ -65,6 +72,7 @@ class Supervisor:
         count = world.scenario.vessels
         self.outcomes: list[Outcome | None] = [None] * count
         self._ended_s = np.zeros(count)
+        self._touched: list[Touched | None] = [None] * count
 
     @property
     def elapsed_s(self) -> float:
@@ -99,6 +107,7 @@ class Supervisor:
         world, scenario = self.world, self.world.scenario
         offset = world.state.position_N[:, :2] - scenario.goals
         touching = (world.nearest <= 0.0).tolist()
+        outside = (world.fence_gap <= 0.0).tolist()
         arrived = (np.hypot(offset[:, 0], offset[:, 1]) <= scenario.goal_radius).tolist()
         late = self.elapsed_s >= scenario.time_limit_s
         counts = self.settings.goals_count
@@ -107,6 +116,8 @@ class Supervisor:
                 continue
             if touching[vessel]:
                 self._end(vessel, Outcome.COLLISION)
+            elif outside[vessel]:
+                self._end(vessel, Outcome.FENCE)
             elif counts and arrived[vessel]:
                 self._end(vessel, Outcome.GOAL)
             elif late:
@@ -115,13 +126,15 @@ class Supervisor:
 
     def results(self) -> tuple[Result, ...]:
         """Give how every vessel has fared until now."""
-        closest = self.world.closest_approach
+        closest, currents = self.world.closest_approach, self.world.greatest_current
         return tuple(
             Result(
                 name=name,
                 outcome=self.outcomes[i],
                 travel_time_s=float(self._ended_s[i]) if self.outcomes[i] else self.elapsed_s,
                 closest_approach_m=float(closest[i]),
+                touched=self._touched[i],
+                greatest_current_mps=float(currents[i]),
             )
             for i, name in enumerate(self.world.scenario.names)
         )
@@ -129,10 +142,11 @@ class Supervisor:
     def _end(self, vessel: int, outcome: Outcome) -> None:
         self.outcomes[vessel] = outcome
         self._ended_s[vessel] = self.elapsed_s
+        self._touched[vessel] = self.world.touched(vessel)
         place_N = self.world.state.position_N[vessel, :2]
         if outcome is Outcome.GOAL:
             self._retire(vessel, self.settings.after_goal, self.world.scenario.goals[vessel])
-        elif outcome is Outcome.COLLISION:
+        elif outcome in (Outcome.COLLISION, Outcome.FENCE):
             self._retire(vessel, self.settings.after_collision, place_N)
         else:
             self._retire(vessel, "stop", place_N)

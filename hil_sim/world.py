@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.random import Generator, SeedSequence
@@ -15,16 +16,17 @@ from numpy.typing import NDArray
 
 from twinscrew.hil_sim import contacts, odometry, scene
 from twinscrew.hil_sim.bodies import ABSENT, Bodies
-from twinscrew.hil_sim.contacts import HullCircles, Obstacles
+from twinscrew.hil_sim.contacts import HullCircles, Obstacles, Shore
 from twinscrew.hil_sim.lidar import Lidar, LidarSettings, Scan
 from twinscrew.hil_sim.mooring import moor
 from twinscrew.hil_sim.odometry import OdometrySettings
-from twinscrew.hil_sim.scenario import Scenario
+from twinscrew.hil_sim.scenario import Scenario, land_areas
 from twinscrew.hil_sim.sea.sea import Sea, SeaSettings
 from twinscrew.hil_sim.traffic import Traffic
 from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, FleetDynamics
 from twinscrew.hil_sim.vessel.rest import fleet_at_rest
 from twinscrew.hil_sim.vessel.state import VesselState
+from twinscrew.runtime.charts.static_map import StaticMap
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64, Odometry, PointCloud
 from twinscrew.runtime.perception.sensor import Sensor, load_sensor
 from twinscrew.runtime.settings import Positive, Settings, load, shipped
@@ -33,6 +35,15 @@ from twinscrew.runtime.vessel_description import VesselDescription, load_vessel
 
 EPOCH_NS = 1_735_689_600 * NANOSECONDS_PER_SECOND
 """[ns] When a simulation begins, unless told otherwise: 2025-01-01 00:00 UTC."""
+
+
+Touched: TypeAlias = Literal["vessel", "buoy", "quay", "fence", "traffic"]
+"""What a vessel was in contact with: a buoy may be a pile; a quay land, a rock, or the ground; a
+fence a keep-out area."""
+
+
+CURRENT_STEPS = 10
+"""[-] How often the water's speed is noted: every so many steps."""
 
 
 class WorldSettings(Settings, frozen=True, kw_only=True):
@@ -47,7 +58,7 @@ class WorldSettings(Settings, frozen=True, kw_only=True):
 
 
 class World:
-    """Vessels, buoys and quays of a scenario in a sea, fully determined by the seed."""
+    """Vessels and all that is fixed of a scenario in a sea, fully determined by the seed."""
 
     def __init__(
         self,
@@ -76,7 +87,7 @@ class World:
         self.steps = 0
         # One independent stream a use: the sea, then each vessel's LiDAR and odometry.
         for_sea, *for_vessels = SeedSequence(seed).spawn(1 + scenario.vessels)
-        self.sea = Sea(sea, np.random.default_rng(for_sea))
+        self.sea = Sea(sea, np.random.default_rng(for_sea), scenario.current)
         self._seeds = for_vessels
         streams = [[np.random.default_rng(s) for s in v.spawn(2)] for v in for_vessels]
         self._lidar_rng: list[Generator] = [pair[0] for pair in streams]
@@ -98,6 +109,20 @@ class World:
         self._under_way = False
         self._obstacles = self._solid()
         self._hulls = HullCircles(self.vessels)
+        self._ashore = _grounds(scenario, self.vessels)
+        rules = StaticMap.of([f for f in scenario.charted if f.kind in ("keep_out", "fence")])
+        self._fences = None if rules.is_empty else Shore(rules, self.vessels)
+        counts = {
+            "vessel": scenario.vessels,
+            "buoy": len(scenario.circles),
+            "quay": len(scenario.quays),
+            "traffic": len(scenario.traffic),
+        }
+        self._kinds: list[Touched] = [
+            kind for kind in ("vessel", "buoy", "quay", "traffic") for _ in range(counts[kind])
+        ]
+        if self._ashore:
+            self._kinds.append("quay")
         starts = scenario.starts
         self.state = fleet_at_rest(self._dynamics, starts[:, :2], starts[:, 2])
         self.present: NDArray[np.bool_] = np.ones(scenario.vessels, dtype=np.bool_)
@@ -105,6 +130,7 @@ class World:
         self._moorings_N = scenario.starts.copy()
         self._push_N = np.zeros((scenario.vessels, 2))
         self._closest = np.full(scenario.vessels, np.inf)
+        self._greatest_current = np.zeros(scenario.vessels)
         self._bodies: tuple[int, Bodies] | None = None
         self._watchers: list[Callable[[], None]] = []
         self._measure_reaches()
@@ -127,8 +153,16 @@ class World:
 
     @property
     def gaps(self) -> Float64:
-        """[m] (V, V + B + Q + T) Distances between surfaces now, see `contacts.gaps`."""
+        """[m] (V, V + B + Q + T) Distances between surfaces now, see `contacts.gaps`.
+
+        One more column, the last, is the distance from land, rocks and the ground, if there are.
+        """
         return self._gaps
+
+    @property
+    def fence_gap(self) -> Float64:
+        """[m] (V,) From each hull to the nearest fence or keep-out area; above 0 if none broken."""
+        return self._fence_gap
 
     @property
     def nearest(self) -> Float64:
@@ -139,6 +173,17 @@ class World:
     def closest_approach(self) -> Float64:
         """[m] (V,) Least gap while under way so far: negative after a collision."""
         return self._closest.copy()
+
+    @property
+    def greatest_current(self) -> Float64:
+        """[m/s] (V,) The fastest water that each vessel has been in so far."""
+        return self._greatest_current.copy()
+
+    def touched(self, vessel: int) -> Touched | None:
+        """Tell what a vessel is in contact with now, most of all; None if with nothing."""
+        if self._nearest[vessel] <= 0.0:
+            return self._kinds[int(self._gaps[vessel].argmin())]
+        return "fence" if self._fence_gap[vessel] <= 0.0 else None
 
     def step(self, commands: Float64) -> None:
         """Move everything on by one step, under thrust commands (V, 2) [N], left and right."""
@@ -203,7 +248,7 @@ class World:
         return lidar.scan(self.bodies(), vessel, self.stamp_ns, self._lidar_rng[vessel])
 
     def bodies(self) -> Bodies:
-        """Give everything that can be seen now: vessels, buoys, the quays as one body, traffic."""
+        """Give all that can be seen now: vessels, buoys, all that stands as one body, traffic."""
         if self._bodies is None or self._bodies[0] != self.steps:
             shapes = np.where(self.present, self._shapes, ABSENT)
             bodies = scene.bodies(
@@ -242,15 +287,16 @@ class World:
             self.traffic.step(self.step_s)
             self._obstacles = self._solid()
         self._measure_gaps()
+        self._measure_current()
         for look in self._watchers:
             look()
 
     def _solid(self) -> Obstacles:
-        """Give what vessels can hit, besides each other: buoys, quays, and ships as boxes."""
+        """Give what vessels can hit, besides each other and land: quays and ships as boxes."""
         boxes = self.scenario.quays
         if self.traffic is not None:
             boxes = np.concatenate([boxes, self.traffic.boxes])
-        return Obstacles(circles=self.scenario.buoys, boxes=boxes)
+        return Obstacles(circles=self.scenario.circles, boxes=boxes)
 
     def push(self, vessel: int, force_N: tuple[float, float]) -> None:
         """Let a force act on a vessel from now on, north and east [N], beyond the sea's own."""
@@ -267,15 +313,48 @@ class World:
         centres = self._hulls.centres(self.state.position_N[:, :2], self._heading())
         gaps = contacts.gaps(centres, self._reaches, self._obstacles)
         self._gaps = self._hulls.of_vessels(gaps)
+        place_N = self.state.position_N[:, :2]
+        if self._ashore:
+            ashore = np.full(len(place_N), np.inf)
+            for rows, shore in self._ashore:
+                ashore[rows] = shore.gaps(place_N[rows], self.state.heading[rows])
+            self._gaps = np.column_stack([self._gaps, np.where(self.present, ashore, np.inf)])
+        self._fence_gap: Float64 = np.full(len(place_N), np.inf)
+        if self._fences is not None:
+            fenced = self._fences.gaps(place_N, self.state.heading)
+            self._fence_gap = np.where(self.present, fenced, np.inf)
         self._nearest: Float64 = self._gaps.min(axis=1)
         nearer = (self._nearest < self._closest) & ~self.moored
         self._closest[nearer] = self._nearest[nearer]
+
+    def _measure_current(self) -> None:
+        if self.steps % CURRENT_STEPS == 1:
+            water_N = self.sea.current(self.state.position_N[:, :2], self.time_s)
+            speed = np.hypot(water_N[:, 0], water_N[:, 1])
+            under_way = self.present & ~self.moored
+            self._greatest_current = np.maximum(self._greatest_current, speed * under_way)
 
     def _measure_reaches(self) -> None:
         self._reaches = contacts.reaches(self._hulls, self.present, self._obstacles)
 
     def _heading(self) -> Float64:
         return np.zeros(0) if self._hulls.alone else self.state.heading
+
+
+def _grounds(
+    scenario: Scenario, vessels: Sequence[VesselDescription]
+) -> list[tuple[NDArray[np.intp], Shore]]:
+    """Give where vessels run aground: which of them, and on what; shallows by their draught."""
+    charted = [f for f in scenario.charted if f.kind in ("depth", "hazard")]
+    features = [*land_areas(scenario.land), *charted]
+    draughts = [round(vessel.buoyancy.hull_radius_m, 3) for vessel in vessels]
+    grounds = []
+    for draught in dict.fromkeys(draughts):
+        region = StaticMap.of(features, safety_depth_m=draught)
+        rows = np.flatnonzero(np.array(draughts) == draught)
+        if not region.is_empty:
+            grounds.append((rows, Shore(region, [vessels[row] for row in rows.tolist()])))
+    return grounds
 
 
 def make_world(

@@ -41,6 +41,19 @@ def from_datum_N(datum: Datum, latitude_deg: float, longitude_deg: float) -> Flo
     return np.array([EARTH_RADIUS_M * north_rad, east_m, 0.0])
 
 
+def positions_N(datum: Datum, degrees: Float64) -> Float64:
+    """Give the positions, (K, 2) north and east [m], of places (K, 2): latitude, longitude [deg].
+
+    As `from_datum_N` gives them.
+    """
+    latitude_deg = degrees[:, 0]
+    turned_deg = (degrees[:, 1] - datum.longitude_deg + 180.0) % 360.0 - 180.0
+    half_way_rad = np.radians((latitude_deg + datum.latitude_deg) / 2.0)
+    north_rad = np.radians(latitude_deg - datum.latitude_deg)
+    east_rad = np.radians(turned_deg) * np.cos(half_way_rad)
+    return EARTH_RADIUS_M * np.stack([north_rad, east_rad], axis=1)
+
+
 def to_degrees(datum: Datum, p_N: Float64) -> tuple[float, float]:
     """Give latitude and longitude [deg] of a position, north and east [m], in a datum's frame.
 

@@ -314,6 +314,15 @@ class VesselDescription:
         return round(math.hypot(self.length_m, self.beam_m) / 2, 3)
 
     @property
+    def draught_m(self) -> float:
+        """[m] From the water at rest down to the lowest thing that is described: hull, propeller.
+
+        The propellers' blades are not described; add a margin for them.
+        """
+        points, places = self.buoyancy.points_B, self.thrusters.positions_B
+        return self.waterline_m + max(0.0, float(places[:, 2].max()), float(points[:, 2].max()))
+
+    @property
     def contact_radius_m(self) -> float:
         """[m] No circle reaches farther from the origin."""
         return max(abs(ahead) + radius for ahead, radius in self.circles_m)

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import typer
 
@@ -47,6 +47,14 @@ def train(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="As agent.risk=0.5; may be repeated."),
     ] = None,
+    start: Annotated[
+        Path | None,
+        typer.Option(
+            "--from",
+            metavar="CHECKPOINT",
+            help="Begin with the networks of this run's file, which may know fewer inputs.",
+        ),
+    ] = None,
     wandb: Annotated[
         str | None, typer.Option(metavar="PROJECT", help="Report to Weights & Biases, too.")
     ] = None,
@@ -82,7 +90,9 @@ def train(
                     held.enter_context(runs.locked(places[seed]))
                 progress = held.enter_context(Progress(file.stem, steps or settings.steps))
                 decided = _with_precision(settings, places[group[0]], progress.say)
-                told = [Training(decided, seed, places[seed], device, wandb) for seed in group]
+                told = [
+                    Training(decided, seed, places[seed], device, wandb, start) for seed in group
+                ]
                 run(told, progress, steps=steps, stopped=lambda: bool(signals))
             if signals:
                 sys.exit(128 + signals[0])
@@ -187,21 +197,39 @@ def evaluate(
             show_default="nothing",
         ),
     ] = None,
+    harbours: Annotated[
+        str | None,
+        typer.Option(
+            help="Among edges instead: harbours of these kinds, as gap,channel, or all.",
+            metavar="KINDS",
+        ),
+    ] = None,
+    current: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            help="Greatest speed [m/s] of a current that is steady, sheared, a vortex or a tide.",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Score a policy in the training environment."""
-    from twinscrew.runtime.errors import ConfigError
+    from twinscrew.runtime.errors import ConfigError, one_of
     from twinscrew.runtime.policy.hull_units import units_of
     from twinscrew.runtime.policy.risk import parse_risk
     from twinscrew.runtime.settings import convert
     from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
     from twinscrew.training.environment import EnvironmentSettings
     from twinscrew.training.evaluate import (
+        harbour_rows,
+        in_current,
+        in_fresh_harbours,
         open_policy,
         sailed_by,
         sailed_by_any,
         unknown_to_policy,
     )
+    from twinscrew.training.harbours import Kind
     from twinscrew.training.scenarios import ScenarioSettings, published_distance_m, six_settings
     from twinscrew.training.traffic import draw_traffic, read_traffic
 
@@ -212,6 +240,17 @@ def evaluate(
     if unknown is not None:
         environment = unknown_to_policy(environment, unknown.split(","))
     units = units_of(hull, load_vessel())
+    if current is not None:
+        environment = in_current(environment, current / units.speed)
+    if harbours is not None:
+        known: tuple[Kind, ...] = get_args(Kind)
+        named = known if harbours == "all" else harbours.split(",")
+        for word in set(named) - set(known):
+            raise ConfigError(one_of(word, (*known, "all")), key="--harbours")
+        kinds = tuple(kind for kind in known if kind in named)
+        if every or on is not None or traffic is not None:
+            raise ConfigError("harbours are scored alone", key="--harbours")
+        environment = in_fresh_harbours(environment, seed)
     if on is not None or traffic is not None:
         if risks is not None or every or (on is not None and traffic is not None):
             key = "--on" if on is not None else "--traffic"
@@ -230,6 +269,8 @@ def evaluate(
     distance = published_distance_m(robots) if min_distance is None else min_distance
     one = {"robots": robots, "buoys": buoys, "min_distance_m": distance}
     rows = six_settings() if every else (convert(one, ScenarioSettings),)
+    if harbours is not None:
+        rows = harbour_rows(kinds, robots)
     if risk is not None and risks is not None:
         raise ConfigError("give either one level or several", key="--risk, --risks")
     curve = {}
@@ -240,7 +281,10 @@ def evaluate(
         if not as_json:
             _print_table(rows, results, "" if level is None else f"risk {level}")
         records = [result.record() for result in results]
-        curve[level] = {"settings": records} if every else records[0]
+        if harbours is not None:
+            rows_of = zip(kinds, results, strict=True)
+            records = [{"harbour": kind} | one.record(land=True) for kind, one in rows_of]
+        curve[level] = {"settings": records} if every or harbours is not None else records[0]
     if as_json:
         print(json.dumps(curve[risk] if risks is None else {"risks": curve}))
 
@@ -345,8 +389,8 @@ def _print_table(
         time = result.travel_time_s
         table.add_row(
             str(row.robots),
-            str(row.buoys),
-            f"{row.min_distance_m:g} m",
+            "piles" if row.harbour else str(row.buoys),
+            ", ".join(row.harbour) or f"{row.min_distance_m:g} m",
             f"{result.success_rate:.1%}",
             f"{low:.1%} .. {high:.1%}",
             "-" if time is None else f"{time:.2f} s",

@@ -34,6 +34,7 @@ from twinscrew.runtime.settings import Count, NonNegative, Positive, Settings
 from twinscrew.training import scenarios
 from twinscrew.training.episodes import Episodes, Stream, slot_stream
 from twinscrew.training.imperfections import Imperfections, ImperfectionSettings
+from twinscrew.training.land import ContourNoise, Land, LandSettings
 from twinscrew.training.perception import (
     Layout,
     Noise,
@@ -51,6 +52,7 @@ from twinscrew.training.physics import (
     draw_hulls,
 )
 from twinscrew.training.scenarios import (
+    MOST_PILES,
     Index,
     MapSettings,
     Mask,
@@ -116,6 +118,10 @@ class EnvironmentSettings(Settings, frozen=True):
     """[-] K: how many objects a vessel sees at most."""
     extended: bool = False
     """Observations hold the objects' outlines and the own hull's description too."""
+    contour: bool = False
+    """Extended observations hold the contour of what is fixed too."""
+    land: LandSettings = LandSettings()
+    """How harbours are drawn and their edges seen, where a row of `scenarios` asks for any."""
     decision_limit: Count = 1000
     """[-] An episode is truncated after so many decisions."""
 
@@ -123,12 +129,14 @@ class EnvironmentSettings(Settings, frozen=True):
     def shape(self) -> tuple[int, int, int]:
         """V, M and T: room for the vessels, buoys and strangers of the largest row."""
         rows = self.scenarios
-        return tuple(max(getattr(r, n) for r in rows) for n in ("robots", "buoys", "strangers"))
+        piles = MOST_PILES if any(row.harbour for row in rows) else 0
+        buoys = max(piles, *(row.buoys for row in rows))
+        return max(row.robots for row in rows), buoys, max(row.strangers for row in rows)
 
     @property
     def layout(self) -> Layout:
         """What a vessel is shown."""
-        return Layout(self.observed_objects, self.extended)
+        return Layout(self.observed_objects, self.extended, self.contour)
 
     def check(self, episodes: int, seeds: Sequence[int]) -> None:
         """Refuse settings that contradict each other, and a batch that cannot be.
@@ -139,6 +147,8 @@ class EnvironmentSettings(Settings, frozen=True):
             Names the key and what is allowed.
         """
         scenarios.check(self.scenarios, self.map)
+        if self.contour and not self.extended:
+            raise ConfigError("a contour needs extended observations", key="contour")
         if episodes < 1:
             raise ConfigError(f"must be at least 1, got {episodes}", key="episodes")
         if not seeds or not all(0 <= seed < 2**63 for seed in seeds):
@@ -173,7 +183,11 @@ class StepResult:
     touched_vessel: Mask
     """(E, V) Touched another vessel in this decision."""
     touched_buoy: Mask
-    """(E, V) Touched a buoy in this decision."""
+    """(E, V) Touched a buoy or a pile in this decision."""
+    touched_land: Mask
+    """(E, V) Touched land in this decision: a quay."""
+    touched_fence: Mask
+    """(E, V) Crossed a fence, or the edge of a keep-out area, in this decision."""
     elapsed_s: Float64
     """(E,) [s] Since the episode began, after this decision: the travel time of `reached`."""
     finished: Mask
@@ -182,7 +196,8 @@ class StepResult:
     @property
     def collided(self) -> Mask:
         """(E, V) Touched anything in this decision."""
-        return self.touched_vessel | self.touched_buoy
+        others = self.touched_vessel | self.touched_buoy
+        return others | self.touched_land | self.touched_fence
 
 
 class VectorEnv:
@@ -228,13 +243,17 @@ class VectorEnv:
         self.episodes, self.auto_reset = len(slots), auto_reset
         self.vessels, self.buoys, strangers = shape = s.shape
         others = strangers or scripted
-        self.state = State(
-            self.episodes, self.vessels, self.buoys, others, s.vessel, s.conditions.thrust_lag_s
+        lag_s = s.conditions.thrust_lag_s
+        has_harbours = any(row.harbour for row in s.scenarios)
+        land = (
+            Land((self.episodes, self.vessels), s.land, 0.4 * s.vessel.width)
+            if has_harbours
+            else None
         )
+        self.state = State(self.episodes, self.vessels, self.buoys, others, s.vessel, lag_s, land)
         """What is on the water now."""
-        buoy_radius = s.map.buoy_radius_m
         self.physics = Physics(
-            self.state, s.vessel, s.conditions, s.period_s, s.substep_s, buoy_radius, s.coriolis
+            self.state, s.vessel, s.conditions, s.period_s, s.substep_s, s.coriolis
         )
         pairs = (self.vessels, self.vessels + self.buoys + others)
         noise = Noise(s.noise, _streams(slots, Stream.PERCEPTION), pairs)
@@ -242,10 +261,14 @@ class VectorEnv:
         if s.imperfections.used:
             streams = _streams(slots, Stream.IMPERFECTION)
             imperfect = Imperfections(s.imperfections, streams, pairs, s.period_s)
-        sight = Sight(s.range_m, s.observed_objects, buoy_radius, s.extended)
-        self.perception = Perception(noise, sight, imperfect)
+        wrong = None
+        if land is not None and s.contour:
+            wrong = ContourNoise(s.land, _streams(slots, Stream.CONTOUR), self.vessels)
+        sight = Sight(s.range_m, s.observed_objects, s.extended, s.contour)
+        self.perception = Perception(noise, sight, imperfect, wrong)
         self._upcoming = Episodes(
-            *(s.scenarios, s.map, s.noise, sight, s.conditions, s.vessel, s.strangers, shape),
+            *(s.scenarios, s.map, s.noise, sight, s.conditions, s.vessel, s.strangers, s.land),
+            shape,
             slots,
             AHEAD if auto_reset else 1,
         )
@@ -262,7 +285,8 @@ class VectorEnv:
     def reset(self) -> Observations:
         """Begin the next episode in every slot."""
         s, shape = self.settings, (self.episodes, self.vessels)
-        seen = Observations.empty(shape, s.observed_objects, extended=s.extended)
+        layout = s.layout._asdict()
+        seen = Observations.empty(shape, **layout)
         self.restart(np.arange(self.episodes), seen)
         return seen
 
@@ -274,6 +298,13 @@ class VectorEnv:
         if conditions.varied:
             hulls = draw_hulls(conditions, self.settings.vessel, beginning.chance)
             self.state.take_hulls(slots, hulls)
+        if conditions.currents:
+            elapsed_s = self.state.decisions.astype(np.float64) * self.settings.period_s
+            self.state.take_field(slots, beginning.field, elapsed_s)
+        if self.state.land is not None:
+            harbours = self._upcoming.harbours_of(beginning.scenario)
+            self.state.land.begin(slots, harbours, beginning.chance)
+            self.state.take_aim(slots)
         self.physics.forces.begin(slots, beginning.chance, hulls)
         self.perception.forget(slots)
         observation.rows[slots] = beginning.rows
@@ -293,16 +324,20 @@ class VectorEnv:
             The action of a vessel on the water is not finite.
         """
         state, settings = self.state, self.settings
-        acting, before = self.active, state.to_goal
+        acting, before = self.active, state.way_left
         self.physics.move(action)
         touched_vessel, touched_buoy = self.touched()
-        collided, left = touched_vessel | touched_buoy, state.to_goal
-        reached = acting & ~collided & (left <= settings.goal_radius_m)
+        touched_land, touched_fence = self.physics.grounded()
+        collided, left = touched_vessel | touched_buoy, state.way_left
+        if state.land is not None:
+            collided = collided | touched_land | touched_fence
+        reached = acting & ~collided & (state.to_goal <= settings.goal_radius_m)
         terminated = collided | reached
         state.decisions += 1
         state.active &= ~terminated
         if settings.park:
-            state.parked |= reached
+            # Not in harbours: who parks in a narrow place would lie in everybody's way.
+            state.parked |= reached if state.land is None else reached & ~state.land.there[:, None]
         truncated = state.active & (state.decisions >= settings.decision_limit)[:, None]
         final = self.perception.observe(state, acting)
         gained = reward(before - left, collided, reached, self._turn(final), settings.reward)
@@ -324,6 +359,8 @@ class VectorEnv:
             reached=reached,
             touched_vessel=touched_vessel,
             touched_buoy=touched_buoy,
+            touched_land=touched_land,
+            touched_fence=touched_fence,
             elapsed_s=elapsed_s,
             finished=finished,
         )

@@ -18,8 +18,17 @@ from numpy.typing import NDArray
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import Float32, Float64
 from twinscrew.runtime.policy.vessel_model import VesselParameters
+from twinscrew.training.harbours import HarbourSettings, draw_current
+from twinscrew.training.land import Land, LandSettings, Packed, harbour_of, harbour_settings
 from twinscrew.training.perception import Noise, NoiseSettings, Perception, Sight
-from twinscrew.training.physics import CHANCES, ConditionSettings, State, draw_hulls
+from twinscrew.training.physics import (
+    CHANCES,
+    FIELD_COLUMNS,
+    ConditionSettings,
+    State,
+    draw_hulls,
+    field_columns,
+)
 from twinscrew.training.scenarios import (
     Index,
     MapSettings,
@@ -28,6 +37,7 @@ from twinscrew.training.scenarios import (
     Strangers,
     StrangerSettings,
     draw_strangers,
+    place_in_harbour,
     sample,
 )
 
@@ -37,6 +47,7 @@ class Stream(IntEnum):
 
     PERCEPTION = 0
     IMPERFECTION = 1
+    CONTOUR = 2
 
 
 def slot_stream(seed: int, slot: int, stream: Stream) -> Generator:
@@ -57,6 +68,8 @@ class Beginning(NamedTuple):
     """(N, V, W) What the vessels see at first."""
     chance: Float64
     """(N, V + 1, chances) Uniform numbers in [0, 1) for the conditions of each and all."""
+    field: Float64
+    """(N, 12) Currents that vary (`physics.current_field`)."""
 
 
 class Episodes:
@@ -72,6 +85,8 @@ class Episodes:
         What the hulls are drawn from.
     strangers
         What vessels are like that give no way.
+    land
+        How harbours are drawn.
     shape
         V, M and T: vessels, buoys and strangers.
     slots
@@ -89,13 +104,19 @@ class Episodes:
         conditions: ConditionSettings,
         vessel: VesselParameters,
         strangers: StrangerSettings,
+        land: LandSettings,
         shape: tuple[int, int, int],
         slots: Sequence[tuple[int, int]],
         ahead: int,
     ) -> None:
         self._scenarios, self._map, self._noise, self._shape = scenarios, area, noise, shape
         self._sight, self._conditions, self._vessel = sight, conditions, vessel
-        self._strangers = strangers
+        self._strangers, self._land = strangers, land
+        hull = (vessel.length, vessel.width)
+        self._harbours = [
+            harbour_settings(row.harbour, row.robots, hull, land) if row.harbour else None
+            for row in scenarios
+        ]
         self._slots = slots
         self._pool = Pool(self._draw, len(slots), ahead)
         self.set_weights([row.weight for row in scenarios])
@@ -113,10 +134,45 @@ class Episodes:
 
     def take(self, slots: Index) -> Beginning:
         """Give the next episode of each of these slots (each at most once)."""
-        *drawn, rows, chance = self._pool.take(slots)
+        *drawn, rows, chance, field = self._pool.take(slots)
         placed, others = drawn[:SCENARIO_PARTS], drawn[SCENARIO_PARTS:]
         scenario = Scenarios._make([*placed, Strangers(*others) if others else None])
-        return Beginning(scenario, rows, chance)
+        return Beginning(scenario, rows, chance, field)
+
+    @property
+    def has_harbours(self) -> bool:
+        """Whether a row of the mixture asks for harbours."""
+        return any(one is not None for one in self._harbours)
+
+    def harbours_of(self, scenario: Scenarios) -> list[Packed | None]:
+        """Give each episode's harbour; None where it has open water."""
+        return [self._harbour(*numbers) for numbers in scenario.harbour.tolist()]
+
+    def _harbour(self, row: int, number: int) -> Packed | None:
+        settings = self._harbours[row] if row >= 0 else None
+        return None if settings is None else harbour_of(settings, self._land.seed, number)
+
+    def _begin_in_harbours(
+        self, scenario: Scenarios, row: Index, generators: Sequence[Generator]
+    ) -> None:
+        for n, (k, g) in enumerate(zip(row.tolist(), generators, strict=True)):
+            if self._harbours[k] is not None:
+                number = int(g.random() * self._land.harbours)
+                packed = self._harbour(k, number)
+                assert packed is not None  # noqa: S101 - the row has harbours
+                place_in_harbour(scenario, n, k, number, packed.harbour)
+
+    def _fields(
+        self, harbours: Sequence[Packed | None], generators: Sequence[Generator]
+    ) -> Float64:
+        """Draw currents that vary, (N, 12); none where the conditions have none."""
+        s = self._conditions
+        if not s.currents:
+            return np.zeros((len(generators), FIELD_COLUMNS))
+        settings = HarbourSettings(current_mps=s.current_mps, currents=s.currents)
+        sizes = [(self._map.size_m,) * 2 if one is None else one.harbour.size_m for one in harbours]
+        drawn = zip(sizes, generators, strict=True)
+        return np.stack([field_columns(draw_current(g, settings, size)) for size, g in drawn])
 
     def _draw(self, slots: Index, numbers: Index) -> tuple[NDArray[Any], ...]:
         """Draw episodes, by slot and number, with all that depends on them alone."""
@@ -128,6 +184,10 @@ class Episodes:
         vessels, buoys, room = self._shape
         row = np.searchsorted(self._cumulative, [g.random() for g in generators], side="right")
         scenario = sample(self._scenarios, row, self._map, generators, (vessels, buoys))
+        if self.has_harbours:
+            self._begin_in_harbours(scenario, row, generators)
+        harbours = self.harbours_of(scenario)
+        field = self._fields(harbours, generators)
         strangers: tuple[NDArray[Any], ...] = ()
         if room:
             most = np.array([self._scenarios[k].strangers for k in row])
@@ -144,14 +204,24 @@ class Episodes:
             chance = np.concatenate([chance, further], axis=-1)
         every = np.arange(len(generators))
         lag_s = self._conditions.thrust_lag_s
-        state = State(len(generators), vessels, buoys, room, self._vessel, lag_s)
+        land = (
+            Land((len(generators), vessels), self._land, 0.4 * self._vessel.width)
+            if self.has_harbours
+            else None
+        )
+        state = State(len(generators), vessels, buoys, room, self._vessel, lag_s, land)
         state.begin(every, scenario)
         if self._conditions.varied:
             state.take_hulls(every, draw_hulls(self._conditions, self._vessel, chance))
+        if self._conditions.currents:
+            state.take_field(every, field, np.zeros(len(every)))
+        if land is not None:
+            land.begin(every, harbours, chance)
+            state.take_aim(every)
         seen = Perception(noise, self._sight).observe(state, scenario.vessel, drawn).rows
         rows = seen * scenario.vessel[..., None]
         placed: tuple[Any, ...] = scenario[:SCENARIO_PARTS]
-        return (*placed, *strangers, rows, chance)
+        return (*placed, *strangers, rows, chance, field)
 
 
 SCENARIO_PARTS = len(Scenarios._fields) - 1

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, get_args
 
 import msgspec
 import numpy as np
@@ -19,7 +19,7 @@ from scipy.stats import binomtest
 from twinscrew.runtime.errors import ConfigError, PolicyError
 from twinscrew.runtime.messages.types import Float32, Float64, Observation
 from twinscrew.runtime.policy.hull_units import in_units, units_of
-from twinscrew.runtime.policy.load import InHullUnits, Policy, load_policy
+from twinscrew.runtime.policy.load import PLANNERS, InHullUnits, Policy, load_policy
 from twinscrew.runtime.policy.metadata import (
     EXTENDED_INPUTS,
     OUTPUT_NAME,
@@ -33,6 +33,7 @@ from twinscrew.runtime.policy.risk import RiskSettings, adaptive_level
 from twinscrew.runtime.settings import shipped
 from twinscrew.runtime.vessel_description import DEFAULT, VesselDescription, load_vessel
 from twinscrew.training.environment import RATE_LIMIT, EnvironmentSettings, VectorEnv
+from twinscrew.training.harbours import CurrentKind, Kind
 from twinscrew.training.perception import PAPER, Layout, Observations
 from twinscrew.training.physics import HullSettings, UnknownSettings
 from twinscrew.training.scenarios import Mask, ScenarioSettings, six_settings
@@ -40,7 +41,6 @@ from twinscrew.training.scenarios import Mask, ScenarioSettings, six_settings
 if TYPE_CHECKING:
     from torch import nn
 
-BASELINES = ("apf", "mpc")
 TIME_LIMIT_S = 90.0
 """[s] Longer than this under way, and the episode has failed (paper, sec. VI)."""
 BATCH = 500
@@ -89,12 +89,12 @@ def open_policy(
         There is no such policy, or it was not made for the vessel (None: the default one).
     """
     hull = vessel or load_vessel()
-    if spec in BASELINES:
+    if spec in PLANNERS:
         return OneByOne(lambda: _in_units(load_policy(spec, risk=risk, vessel=hull)))
     try:
         file = shipped("policies", spec, ".onnx")
     except ConfigError as error:
-        raise PolicyError(f"{error}; or {', '.join(BASELINES)}, or an ONNX file") from error
+        raise PolicyError(f"{error}; or {', '.join(PLANNERS)}, or an ONNX file") from error
     made = OnnxBatch(file, risk)
     check_expectation(made.metadata, PolicyExpectation(vessel=hull.name))
     return made
@@ -173,7 +173,8 @@ class OnnxBatch:
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 4  # fatal only: what goes wrong is raised
         self.range_m = self.metadata.perception_range_m
-        self.layout = Layout(self.metadata.observed_objects, self.metadata.extended)
+        m = self.metadata
+        self.layout = Layout(m.observed_objects, m.extended, m.contour)
         self._session: Any = ort.InferenceSession(
             path.read_bytes(), options, providers=["CPUExecutionProvider"]
         )
@@ -185,6 +186,7 @@ class OnnxBatch:
     def rates(self, seen: Observations, active: Mask) -> Float64:
         """Give thrust rates, (E, V, 2) [N/s]."""
         parts = ("ego", "objects", "mask", *EXTENDED_INPUTS * self.layout.extended)
+        parts += ("contour",) * self.layout.contour
         feed = {name: getattr(seen, name)[active] for name in parts}
         feed |= risk_feed(self._session, len(feed["ego"]), self._risk)
         if self._risk.level == "adaptive":
@@ -279,10 +281,18 @@ class Evaluation:
     seed: int
     cumulative_reward: float
     """[-] Mean over the vessels of the sum of their rewards, undiscounted."""
+    quays: int = 0
+    """[-] Of the collisions: episodes in which land was touched,"""
+    fences: int = 0
+    """[-] and in which a fence or the edge of a keep-out area was."""
 
-    def record(self) -> dict[str, Any]:
-        """Give it as plain values, for JSON."""
-        return {name: getattr(self, name) for name in self.__slots__}
+    def record(self, *, land: bool = False) -> dict[str, Any]:
+        """Give it as plain values, for JSON; with `land`, what was touched of land and fences."""
+        names = self.__slots__ if land else self.__slots__[: -len(_OF_LAND)]
+        return {name: getattr(self, name) for name in names}
+
+
+_OF_LAND = ("quays", "fences")
 
 
 def evaluate(
@@ -340,6 +350,7 @@ def shown_to(policy: BatchPolicy, settings: EnvironmentSettings) -> EnvironmentS
         period_s=policy.period_s,
         observed_objects=policy.layout.objects,
         extended=policy.layout.extended,
+        contour=policy.layout.contour,
     )
 
 
@@ -370,6 +381,10 @@ class Outcomes(NamedTuple):
     """(m,) [s] Travel times of the vessels that reached their goals."""
     rewards: Float64
     """(n,) [-] The sum of each vessel's rewards."""
+    land: Mask
+    """(E,) Whether land was touched."""
+    fence: Mask
+    """(E,) Whether a fence or the edge of a keep-out area was touched."""
 
 
 def sail(env: VectorEnv, policy: BatchPolicy) -> Outcomes:
@@ -378,23 +393,25 @@ def sail(env: VectorEnv, policy: BatchPolicy) -> Outcomes:
     sailed = active
     rewards = np.zeros(active.shape)
     policy.begin(*active.shape)
-    collided = np.zeros(env.episodes, bool)
+    collided, land, fence = np.zeros((3, env.episodes), bool)
     times = [np.zeros(0)]
     for _ in range(int(TIME_LIMIT_S / env.settings.period_s + 1e-9)):
         result = env.step(policy.rates(seen, active) / RATE_LIMIT)
         collided |= result.collided.any(axis=1)
+        land |= result.touched_land.any(axis=1)
+        fence |= result.touched_fence.any(axis=1)
         rewards += result.reward
         times.append(np.repeat(result.elapsed_s, result.reached.sum(axis=1)))
         seen, active = result.observation, env.active
         if not active.any():
             break
     late = np.asarray(active.any(axis=1))
-    return Outcomes(collided, late, np.concatenate(times), rewards[sailed])
+    return Outcomes(collided, late, np.concatenate(times), rewards[sailed], land, fence)
 
 
 def score(outcomes: Outcomes, seed: int) -> Evaluation:
     """Count what `sail` saw."""
-    collided, late, times, rewards = outcomes
+    collided, late, times, rewards, land, fence = outcomes
     episodes = len(collided)
     successes = int((~(collided | late)).sum())
     interval = binomtest(successes, episodes).proportion_ci(0.95, "wilson")
@@ -407,6 +424,8 @@ def score(outcomes: Outcomes, seed: int) -> Evaluation:
         timeouts=int((late & ~collided).sum()),
         seed=seed,
         cumulative_reward=float(rewards.mean()),
+        quays=int(land.sum()),
+        fences=int(fence.sum()),
     )
 
 
@@ -420,6 +439,8 @@ class Score(NamedTuple):
     """As published."""
     rough: tuple[Evaluation, ...] = ()
     """In rough conditions, where the run trains in them."""
+    harbours: tuple[Evaluation, ...] = ()
+    """In each kind of harbour that the run trains in."""
 
     @property
     def success(self) -> float:
@@ -440,7 +461,8 @@ class Score(NamedTuple):
     @property
     def value(self) -> float:
         """What selection maximises: success in both conditions, and a little, speed."""
-        kinds = [_success(kind) for kind in (self.settings, self.rough) if kind]
+        every = (self.settings, self.rough, self.harbours)
+        kinds = [_success(kind) for kind in every if kind]
         return float(np.mean(kinds)) - SECONDS_WORTH * self.travel_time_s
 
     def record(self) -> dict[str, Any]:
@@ -455,18 +477,54 @@ class Score(NamedTuple):
         if self.rough:
             record["rough_success"] = round(_success(self.rough), 5)
             record["rough_rates"] = [round(one.success_rate, 5) for one in self.rough]
+        if self.harbours:
+            record["harbour_success"] = round(_success(self.harbours), 5)
+            record["harbour_rates"] = [round(one.success_rate, 5) for one in self.harbours]
+            record["harbour_times_s"] = [one.travel_time_s for one in self.harbours]
         return record
 
 
 def validate(
-    policy: BatchPolicy, episodes: int, seed: int, rough: EnvironmentSettings | None = None
+    policy: BatchPolicy,
+    episodes: int,
+    seed: int,
+    rough: EnvironmentSettings | None = None,
+    harbours: Sequence[Kind] = (),
 ) -> Score:
-    """Sail `episodes` in each of the six settings, greedily, and as many in rough conditions."""
+    """Sail `episodes` in each of the six settings, greedily, and as many in rough conditions.
+
+    And half as many, of three vessels each, in every kind of harbour that is named.
+    """
     rows = six_settings()
-    published = evaluate_all(policy, rows, episodes, seed)
-    if rough is None:
-        return Score(published)
-    return Score(published, evaluate_all(policy, rows, episodes, seed, environment=rough))
+    score = Score(evaluate_all(policy, rows, episodes, seed))
+    if rough is not None:
+        score = score._replace(rough=evaluate_all(policy, rows, episodes, seed, environment=rough))
+    if harbours:
+        rows = harbour_rows(harbours)
+        where = in_fresh_harbours(EnvironmentSettings(), seed)
+        found = evaluate_all(policy, rows, -(-episodes // 2), seed, environment=where)
+        score = score._replace(harbours=found)
+    return score
+
+
+def harbour_rows(kinds: Sequence[Kind], robots: int = 3) -> tuple[ScenarioSettings, ...]:
+    """Give a row for each kind of harbour."""
+    return tuple(ScenarioSettings(robots=robots, harbour=(kind,)) for kind in kinds)
+
+
+def in_fresh_harbours(settings: EnvironmentSettings, seed: int) -> EnvironmentSettings:
+    """Give an environment in which every episode has a harbour of its own, of this seed."""
+    land = msgspec.structs.replace(settings.land, harbours=2**31 - 1, seed=seed)
+    return msgspec.structs.replace(settings, land=land)
+
+
+def in_current(settings: EnvironmentSettings, speed_mps: float) -> EnvironmentSettings:
+    """Give an environment with a current of this greatest speed, of every kind in turn."""
+    kinds = get_args(CurrentKind)
+    conditions = msgspec.structs.replace(
+        settings.conditions, current_mps=(speed_mps, speed_mps), currents=kinds
+    )
+    return msgspec.structs.replace(settings, conditions=conditions)
 
 
 def _success(kind: tuple[Evaluation, ...]) -> float:

@@ -56,7 +56,8 @@ class HarbourSettings(Settings, frozen=True):
     """[-] Width of the gap of kind "gap", in beams."""
     clearance_beams: Positive = 0.75
     """[-] Least distance of each vessel's way from everything fixed, in beams; half a beam is
-    where a hull on that way would touch."""
+    where a hull on that way would touch. Piles are passed as vessels are, at half a hull's diagonal
+    at least: the circle around the hull keeps clear."""
     apart_lengths: NonNegative = 2.0
     """[-] Between any two starts, and between any two goals."""
     way_lengths: NonNegative = 4.0
@@ -632,7 +633,9 @@ def _find_ways(layout: _Layout, ends: Float64, least: float, wanted: float) -> _
     Shortest ways on the visibility graph, on which a leg counts up to three times its length where
     it comes nearer than `wanted`. Gives None where there is no way for one of them.
     """
-    fixed, count = _Fixed(layout), ends.shape[1]
+    # Piles count as wider, so that the circle around a hull passes them.
+    wider = np.array([0.0, 0.0, max(wanted - 0.2 - least, 0.0)])
+    fixed, count = _Fixed(layout._replace(piles=layout.piles + wider)), ends.shape[1]
     more = np.concatenate(
         [_around_corners(fixed, least), _around_corners(fixed, wanted), layout.hints]
     )

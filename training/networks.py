@@ -19,6 +19,7 @@ import torch
 from msgspec import Meta
 from torch import Tensor, nn
 
+from twinscrew.runtime.charts.contour import CONTOUR_RANGE_M, SECTORS
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
 from twinscrew.runtime.policy.hull_units import describe_hull
 from twinscrew.runtime.policy.vessel_model import VesselParameters
@@ -49,6 +50,10 @@ class Observations(NamedTuple):
     """(B, K, 3) float32: half length, half beam [m], heading [rad]; zeros for a circle."""
     hull: Tensor
     """(B, 10) float32: the own hull, as `HULL_COLUMNS` says."""
+    contour: Tensor
+    """(B, 32) float32 [m]: the nearest edge in each sector (`runtime.charts.contour`)."""
+    beyond: Tensor
+    """(B, 1) float32 [m]: what is left of the way beyond the goal that is shown; for critics."""
 
 
 def unpack(rows: Tensor) -> Observations:
@@ -59,16 +64,19 @@ def unpack(rows: Tensor) -> Observations:
     layout = layout_of(rows.shape[-1])
     ego, objects, mask, *more = torch.split(rows, list(layout.widths), dim=-1)
     objects = objects.reshape(*mask.shape, OBJECT_COLUMNS)
+    seen = circles(ego, objects, mask)
     if more:
-        return Observations(ego, objects, mask, more[0].reshape(*mask.shape, -1), more[1])
-    return circles(ego, objects, mask)
+        seen = seen._replace(outlines=more[0].reshape(*mask.shape, -1), hull=more[1])
+    return seen._replace(contour=more[2], beyond=more[3]) if layout.contour else seen
 
 
 def circles(ego: Tensor, objects: Tensor, mask: Tensor) -> Observations:
-    """Give observations as the paper has them: circles, seen by the default vessel."""
+    """Give observations as the paper has them: circles, seen by the default vessel, no edges."""
     outlines = torch.zeros(*mask.shape, OUTLINE_COLUMNS, device=ego.device)
     hull = torch.tensor(DEFAULT_HULL, device=ego.device).expand(*ego.shape[:-1], -1)
-    return Observations(ego, objects, mask, outlines, hull)
+    contour = torch.full((*ego.shape[:-1], SECTORS), CONTOUR_RANGE_M, device=ego.device)
+    beyond = torch.zeros(*ego.shape[:-1], 1, device=ego.device)
+    return Observations(ego, objects, mask, outlines, hull, contour, beyond)
 
 
 DEFAULT_HULL = tuple(describe_hull(VesselParameters()).tolist())
@@ -207,7 +215,7 @@ def outlined_features(seen: Observations, scales: Scales) -> Tensor:
     of straight tracks. Beside what `object_features` gives: the outline, and where the own vessel
     is, seen from the other along its course.
     """
-    ego, objects, _, outlines, hull = seen
+    ego, objects, _, outlines, hull, *_ = seen
     position, velocity, radius = torch.split(objects, [2, 2, 1], dim=-1)
     half, heading = outlines[..., :2], outlines[..., 2:]
     rectangle = (half[..., :1] > 0.0).to(objects)
@@ -249,6 +257,41 @@ def outlined_features(seen: Observations, scales: Scales) -> Tensor:
     )
 
 
+CONTOUR_FEATURES = 4 * SECTORS
+CLOSE_M = 1.5
+"""[m] Where a gap to an edge is narrow."""
+
+
+def contour_features(seen: Observations, scales: Scales) -> tuple[Tensor, Tensor]:
+    """Give what matters of the edges in each sector, (B, 4 * 32), and whether any is near, (B, 1).
+
+    Gaps are those between the edge and the own hull, a rectangle of the default vessel's shape: how
+    close they are, by two measures, the distance, and the speed towards them. All are zero in
+    sectors without an edge, and the last number is: it rises to 1 as the nearest edge comes in.
+    """
+    distance = seen.contour
+    angle = torch.arange(SECTORS, device=distance.device) * (2.0 * math.pi / SECTORS)
+    cosine, sine = torch.cos(angle), torch.sin(angle)
+    shape = VesselParameters()
+    half_length, half_beam = shape.length / 2.0 / shape.radius, shape.width / 2.0 / shape.radius
+    own = torch.minimum(half_length / (cosine.abs() + 1e-6), half_beam / (sine.abs() + 1e-6))
+    gap = (distance - own * seen.hull[:, :1]).clamp(min=0.0)
+    known = (distance < CONTOUR_RANGE_M).to(distance)
+    towards = seen.ego[:, 2:3] * cosine + seen.ego[:, 3:4] * sine
+    close = scales.gap_m / (scales.gap_m + gap)
+    features = torch.cat(
+        [
+            close * known,
+            CLOSE_M / (CLOSE_M + gap) * known,
+            1.0 - distance / CONTOUR_RANGE_M,
+            towards / scales.speed_mps * close * known,
+        ],
+        dim=1,
+    )
+    nearest = distance.amin(dim=1, keepdim=True)
+    return features, (4.0 * (1.0 - nearest / CONTOUR_RANGE_M)).clamp(0.0, 1.0)
+
+
 class EncoderSettings(Settings, frozen=True):
     """How observations become features."""
 
@@ -263,6 +306,10 @@ class EncoderSettings(Settings, frozen=True):
     """[-] Features of an object ("set" only; the paper's has 40)."""
     scales: Scales = Scales()
     """The units of the normalised features."""
+    contour: bool = False
+    """Read the edges of what is fixed too ("outlined" only)."""
+    contour_width: Width = 96
+    """[-] Features of the contour."""
 
 
 class Seen(NamedTuple):
@@ -274,6 +321,12 @@ class Seen(NamedTuple):
     """(B, K, F); zeros where there is padding."""
     present: Tensor
     """(B, K, 1): 1 where there is an object."""
+    contour: Tensor
+    """(B, 128) Of the edges; (B, 0) where they are not read."""
+    near: Tensor
+    """(B, 1) In [0, 1]: 0 where no edge is known."""
+    beyond: Tensor
+    """(B, 2) Of the way beyond the goal that is shown: for critics alone."""
 
 
 def with_risk(seen: Seen, risk: Tensor) -> Seen:
@@ -291,6 +344,7 @@ class See(nn.Module):
         super().__init__()
         self.kind = settings.kind
         self.scales = settings.scales
+        self.contour = settings.contour
         ones = torch.ones(EGO_COLUMNS), torch.ones(OBJECT_COLUMNS)
         ego, objects = raw_scales(settings.scales) if settings.normalise else ones
         self.register_buffer("ego_scale", ego, persistent=False)
@@ -298,12 +352,16 @@ class See(nn.Module):
 
     def forward(self, observations: Observations) -> Seen:
         """Give the features of a batch; whatever lies in padded rows has no influence."""
-        ego, objects, mask, outlines, hull = observations
+        ego, objects, mask, outlines, hull, distances, way = observations
+        contour, near, beyond = distances[:, :0], way[:, :0], way[:, :0]
+        if self.contour:
+            contour, near = contour_features(observations, self.scales)
+            beyond = torch.cat([way / 50.0, way / (way + self.scales.length_m)], dim=1)
         present = mask[:, :, None]
         objects = torch.where(present > 0, objects, 0.0)
         if self.kind == "outlined":
             outlines = torch.where(present > 0, outlines, 0.0)
-            whole = Observations(ego, objects, mask, outlines, hull)
+            whole = observations._replace(objects=objects, outlines=outlines)
             objects = outlined_features(whole, self.scales)
             ego = torch.cat([ego_features(ego, self.scales), hull_features(hull)], dim=1)
         elif self.kind == "set":
@@ -311,7 +369,7 @@ class See(nn.Module):
             ego = ego_features(ego, self.scales)
         else:
             ego, objects = ego * self.ego_scale, objects * self.object_scale
-        return Seen(ego, objects, present)
+        return Seen(ego, objects, present, contour, near, beyond)
 
 
 class PaperEncoder(nn.Module):
@@ -343,6 +401,9 @@ class SetEncoder(nn.Module):
         self.object_seen = nn.Linear(OUTLINED_FEATURES if outlined else OBJECT_FEATURES, wide)
         self.object_ego = nn.Linear(ego, wide, bias=False)
         self.object_hidden = nn.Linear(wide, wide)
+        self.contour: ContourEncoder | None = None
+        if settings.contour:
+            self.contour = ContourEncoder(ego, settings.contour_width, self.width)
 
     def forward(self, seen: Seen) -> Tensor:
         """Give features (B, ego width + 2 object width)."""
@@ -350,7 +411,30 @@ class SetEncoder(nn.Module):
         each = self.object_seen(seen.objects) + self.object_ego(seen.ego)[:, None, :]
         each = torch.relu(self.object_hidden(torch.relu(each))) * seen.present
         # After a ReLU nothing is below zero, so padding never is the maximum.
-        return torch.cat([torch.relu(self.ego(seen.ego)), each.amax(1), each.sum(1)], dim=1)
+        code = torch.cat([torch.relu(self.ego(seen.ego)), each.amax(1), each.sum(1)], dim=1)
+        return code if self.contour is None else code + self.contour(seen)
+
+
+class ContourEncoder(nn.Module):
+    """What the edges add to an encoder's features.
+
+    Nothing where no edge is known, and nothing at all at first: what was learnt without edges, and
+    is gone on from (`Agent.start_from`), stays as it is until it is learnt otherwise.
+    """
+
+    def __init__(self, ego: int, wide: int, out: int) -> None:
+        super().__init__()
+        self.seen = nn.Linear(CONTOUR_FEATURES, wide)
+        self.ego = nn.Linear(ego, wide, bias=False)
+        self.hidden = nn.Linear(wide, wide)
+        self.out = nn.Linear(wide, out, bias=False)
+        nn.init.zeros_(self.out.weight)
+
+    def forward(self, seen: Seen) -> Tensor:
+        """Give (B, out)."""
+        code = torch.relu(self.seen(seen.contour) + self.ego(seen.ego))
+        added: Tensor = self.out(torch.relu(self.hidden(code))) * seen.near
+        return added
 
 
 def make_encoder(settings: EncoderSettings, extra: int = 0) -> PaperEncoder | SetEncoder:
@@ -407,6 +491,22 @@ class Actor(nn.Module):
         hidden = torch.relu(self.hidden1(self.encoder(seen)))
         hidden = torch.relu(self.hidden2(hidden))
         return squash(self.output(hidden))
+
+
+class Beside(nn.Module):
+    """Two actors: one acts where no edge is near, the other beside edges; between, a mixture.
+
+    So what the first can do in open water stays, bit by bit, whatever the second has learnt.
+    """
+
+    def __init__(self, open_water: nn.Module, edges: nn.Module) -> None:
+        super().__init__()
+        self.open_water, self.edges = open_water, edges
+
+    def forward(self, seen: Seen) -> Tensor:
+        """Give actions (B, 2)."""
+        action: Tensor = (1.0 - seen.near) * self.open_water(seen) + seen.near * self.edges(seen)
+        return action
 
 
 class Pilot(nn.Module):

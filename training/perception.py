@@ -18,10 +18,12 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from scipy.stats import norm, vonmises
 
+from twinscrew.runtime.charts.contour import CONTOUR_RANGE_M, SECTORS
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS, Float32, Float64
 from twinscrew.runtime.policy.hull_units import HULL_COLUMNS
 from twinscrew.runtime.settings import Fraction, NonNegative, Settings
 from twinscrew.training.imperfections import Imperfections
+from twinscrew.training.land import ContourNoise
 from twinscrew.training.physics import State, rectangle_gap
 from twinscrew.training.scenarios import Index, Mask, Points
 
@@ -30,6 +32,7 @@ Complex64 = NDArray[np.complex64]
 EGO_COLUMNS = 7
 OBJECT_COLUMNS = 5
 OUTLINE_COLUMNS = 3
+BEYOND_COLUMNS = 1
 PACKED_COLUMNS = EGO_COLUMNS + OBSERVED_OBJECTS * (OBJECT_COLUMNS + 1)
 """[-] Numbers in one observation of 5 objects as the paper has it: ego, objects, mask."""
 QUANTILES = 1 << 16
@@ -40,19 +43,24 @@ _PROBABILITY = (np.arange(QUANTILES) + 0.5) / QUANTILES
 class Layout(NamedTuple):
     """How an observation of K objects lies in a row: ego, objects, mask.
 
-    Then, if it is extended, the objects' outlines and the own hull's description.
+    Then, if it is extended, the objects' outlines and the own hull's description; then, if edges
+    are seen, the contour, and what is left of the way beyond the goal that is shown.
     """
 
     objects: int
     """[-] K."""
     extended: bool
+    contour: bool = False
 
     @property
     def widths(self) -> tuple[int, ...]:
         """[-] Numbers in each part."""
         k = self.objects
         paper = (EGO_COLUMNS, k * OBJECT_COLUMNS, k)
-        return (*paper, k * OUTLINE_COLUMNS, len(HULL_COLUMNS)) if self.extended else paper
+        if not self.extended:
+            return paper
+        extended = (*paper, k * OUTLINE_COLUMNS, len(HULL_COLUMNS))
+        return (*extended, SECTORS, BEYOND_COLUMNS) if self.contour else extended
 
 
 PAPER = Layout(OBSERVED_OBJECTS, extended=False)
@@ -65,7 +73,11 @@ def layout_of(width: int) -> Layout:
     if not rest:
         return Layout(paper, extended=False)
     each = OBJECT_COLUMNS + 1 + OUTLINE_COLUMNS
-    return Layout((width - EGO_COLUMNS - len(HULL_COLUMNS)) // each, extended=True)
+    extended, rest = divmod(width - EGO_COLUMNS - len(HULL_COLUMNS), each)
+    if not rest:
+        return Layout(extended, extended=True)
+    more = SECTORS + BEYOND_COLUMNS
+    return Layout((width - EGO_COLUMNS - len(HULL_COLUMNS) - more) // each, True, contour=True)
 
 
 class Observations:
@@ -82,10 +94,15 @@ class Observations:
 
     @classmethod
     def empty(
-        cls, shape: Sequence[int], objects: int = OBSERVED_OBJECTS, *, extended: bool = False
+        cls,
+        shape: Sequence[int],
+        objects: int = OBSERVED_OBJECTS,
+        *,
+        extended: bool = False,
+        contour: bool = False,
     ) -> Observations:
         """Give observations of nothing."""
-        width = sum(Layout(objects, extended).widths)
+        width = sum(Layout(objects, extended, contour).widths)
         return cls(np.zeros((*shape, width), np.float32))
 
     @classmethod
@@ -135,6 +152,19 @@ class Observations:
     def hull(self) -> Float32:
         """(..., 10) The own hull, as `HULL_COLUMNS` says. Extended observations only."""
         return self._part(4)
+
+    @property
+    def contour(self) -> Float32:
+        """(..., 32) [m] The nearest edge in each sector (`charts.contour`). With a contour only."""
+        return self._part(5)
+
+    @property
+    def beyond(self) -> Float32:
+        """(..., 1) [m] What is left of the way beyond the goal that is shown.
+
+        With a contour only; no policy is told: it serves the critic.
+        """
+        return self._part(6)
 
     def __iter__(self) -> Iterator[Float32]:
         return iter((self.ego, self.objects, self.mask))
@@ -233,13 +263,13 @@ class Things(NamedTuple):
     """(E, O) Whether there is such an object."""
 
 
-def things_of(state: State, buoy_radius: float) -> Things:
+def things_of(state: State) -> Things:
     """Give all vessels, buoys and scripted vessels of a state."""
     (episodes, vessels), buoys = state.shape, state.buoy.shape[1]
     count = vessels + buoys + state.scripted.shape[1]
     velocity, radius = np.zeros((episodes, count), complex), np.empty((episodes, count))
     velocity[:, :vessels], velocity[:, vessels + buoys :] = state.velocity, state.scripted_velocity
-    radius[:, :vessels], radius[:, vessels : vessels + buoys] = state.radius, buoy_radius
+    radius[:, :vessels], radius[:, vessels : vessels + buoys] = state.radius, state.buoy_radius
     radius[:, vessels + buoys :] = state.scripted_radius
     return Things(
         np.concatenate([state.position, state.buoy, state.scripted], axis=1),
@@ -256,10 +286,10 @@ class Sight(NamedTuple):
     """[m] An object is seen while its nearest point, at its perceived place, is within this."""
     most: int
     """[-] K: how many objects are given."""
-    buoy_radius_m: float
-    """[m]"""
     extended: bool = False
     """Whether outlines and the own hull's description are given too."""
+    contour: bool = False
+    """Whether edges are given too."""
 
 
 class Pairs(NamedTuple):
@@ -295,31 +325,42 @@ class Perception:
         What is shown.
     imperfections
         What else goes wrong.
+    contour_noise
+        How wrong contours are; None: not at all.
     """
 
     def __init__(
-        self, noise: Noise, sight: Sight, imperfections: Imperfections | None = None
+        self,
+        noise: Noise,
+        sight: Sight,
+        imperfections: Imperfections | None = None,
+        contour_noise: ContourNoise | None = None,
     ) -> None:
         self.noise, self.sight, self._imperfections = noise, sight, imperfections
+        self._contour_noise = contour_noise
 
     def observe(
         self, state: State, observers: Mask, bins: NDArray[np.uint16] | None = None
     ) -> Observations:
         """See what is around the observers, (E, V), as things are now; `bins` are the noise's."""
         s, heading = self.sight, np.exp(1j * state.heading)
-        seen = Observations.empty(state.shape, s.most, extended=s.extended)
-        goal_B = (state.goal - state.position) * heading.conj()
+        seen = Observations.empty(state.shape, s.most, extended=s.extended, contour=s.contour)
+        aim, beyond = state.aim
+        goal_B = (aim - state.position) * heading.conj()
         ego = seen.ego
         ego[..., 0], ego[..., 1] = goal_B.real, goal_B.imag
         ego[..., 2:5] = state.nu.transpose(1, 2, 0)
-        if state.current.any():
-            drift = state.current[:, None] * heading.conj() * state.active
+        if state.drift.any():
+            drift = state.drift * heading.conj() * state.active
             ego[..., 2] += drift.real
             ego[..., 3] += drift.imag
         ego[..., 5:7] = state.thrust.transpose(1, 2, 0)
         if s.extended:
             seen.hull[:] = state.told
-        things = things_of(state, s.buoy_radius_m)
+        if s.contour:
+            seen.beyond[..., 0] = beyond
+            self._see_edges(state, observers, seen.contour)
+        things = things_of(state)
         reach = np.where(np.isnan(state.range), s.range_m, state.range).astype(np.float32)
         pairs = self._pairs(things, observers, reach, self.noise.next() if bins is None else bins)
         surface = np.abs(pairs.place) - pairs.radius
@@ -343,6 +384,14 @@ class Perception:
             outlines[~shown] = 0.0
         _write_nearest(seen, pairs.which, features, surface, outlines)
         return seen
+
+    def _see_edges(self, state: State, observers: Mask, contour: Float32) -> None:
+        if state.land is None:
+            contour[:] = CONTOUR_RANGE_M
+            return
+        contour[:] = state.land.contours(state.position, state.heading, observers)
+        if self._contour_noise is not None:
+            self._contour_noise.spoil(contour, state.land.reach)
 
     def _outline(
         self, state: State, pairs: Pairs, outlines: Float32, surface: Float32, reach: Float32

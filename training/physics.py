@@ -22,6 +22,8 @@ from twinscrew.runtime.messages.types import Float32, Float64
 from twinscrew.runtime.policy.hull_units import HULL_COLUMNS, describe_hull, hull_columns
 from twinscrew.runtime.policy.vessel_model import VesselParameters
 from twinscrew.runtime.settings import Fraction, NonNegative, Positive, Settings
+from twinscrew.training.harbours import CurrentField, CurrentKind
+from twinscrew.training.land import Land
 from twinscrew.training.scenarios import Index, Mask, Points, Scenarios
 
 RATE_LIMIT = 1000.0
@@ -127,6 +129,9 @@ class ConditionSettings(Settings, frozen=True):
     """What the policies are not told of their hulls."""
     current_mps: tuple[NonNegative, NonNegative] = (0.0, 0.0)
     """[m/s] Of the water, towards any direction; steady, the same everywhere in an episode."""
+    currents: tuple[CurrentKind, ...] = ()
+    """If any: the current is one of these, each as likely, and varies from place to place or with
+    time; `current_mps` is then its greatest speed."""
 
     @property
     def forces(self) -> bool:
@@ -215,7 +220,8 @@ def draw_hulls(settings: ConditionSettings, vessel: VesselParameters, chance: Fl
             drawn, np.stack([np.where(side, weak, 1.0), np.where(side, 1.0, weak)]), 1.0
         )
         twice = drawn & (u[16] < h.coriolis_twice)
-        current = _between(settings.current_mps, whole[:, 1]) * np.exp(2j * np.pi * whole[:, 2])
+        if not settings.currents:
+            current = _between(settings.current_mps, whole[:, 1]) * np.exp(2j * np.pi * whole[:, 2])
         error = np.exp(h.unknown * norm.ppf(np.clip(u[17:27], 1e-6, 1.0 - 1e-6)))
         told_wrongly = np.where(drawn & (u[27] < 0.5), error, 1.0).transpose(1, 2, 0)
     told = hull_columns(
@@ -265,8 +271,11 @@ class State:
         scripted: int = 0,
         vessel: VesselParameters | None = None,
         lag_s: float = 0.0,
+        land: Land | None = None,
     ) -> None:
         self.shape = shape = (episodes, vessels)
+        self.land = land
+        """What is fixed, where a scenario asks for harbours."""
         self.north_east = np.zeros((2, *shape))
         """[m] (2, E, V)"""
         self.position = np.zeros(shape, complex)
@@ -287,6 +296,8 @@ class State:
         """[m] (E, M)"""
         self.buoy_there = np.zeros((episodes, buoys), bool)
         """(E, M)"""
+        self.buoy_radius = np.zeros((episodes, buoys))
+        """[m] (E, M)"""
         self.scripted = np.zeros((episodes, scripted), complex)
         """[m] (E, T) Vessels that hold course and speed (`traffic.py`)."""
         self.scripted_velocity = np.zeros((episodes, scripted), complex)
@@ -304,13 +315,16 @@ class State:
         like = vessel or VesselParameters()
         self.radius = np.full(shape, like.radius)
         """[m] (E, V) Of the circles around the vessels."""
+        self._half_share = np.array([like.length, like.width]) / np.hypot(like.length, like.width)
         self.thrust_min = np.full(shape, like.thrust_min_n)
         """[N] (E, V) Of each propeller."""
         self.told = np.empty((*shape, len(HULL_COLUMNS)), np.float32)
         """(E, V, 10) What the policies are told of their hulls (`HULL_COLUMNS`)."""
         self.told[:] = describe_hull(like, lag_s)
-        self.current = np.zeros(episodes, complex)
-        """[m/s] (E,) Velocity of the water."""
+        self.drift = np.zeros(shape, complex)
+        """[m/s] (E, V) Velocity of the water where each vessel is."""
+        self.field = np.zeros((episodes, FIELD_COLUMNS))
+        """(E, 12) Currents that vary from place to place or with time (`current_field`)."""
         self.range = np.full(episodes, np.nan)
         """[m] (E,) How far is seen; NaN: the environment's."""
         self.decisions = np.zeros(episodes, np.int64)
@@ -328,16 +342,43 @@ class State:
         return distance
 
     @property
+    def half(self) -> Float64:
+        """[m] (E, V, 2) Half of length and beam of the hulls, rectangles of the default's shape."""
+        half: Float64 = self.radius[..., None] * self._half_share
+        return half
+
+    @property
+    def aim(self) -> tuple[Points, Float64]:
+        """(E, V) The goals that are shown [m], and what is left of the ways beyond them [m]."""
+        if self.land is None:
+            return self.goal, np.zeros(self.shape)
+        return self.land.shown, self.land.beyond
+
+    @property
+    def way_left(self) -> Float64:
+        """[m] (E, V) The distance to the goal along the way."""
+        if self.land is None:
+            return self.to_goal
+        shown, beyond = self.aim
+        left: Float64 = np.abs(shown - self.position) + beyond
+        return left
+
+    def take_aim(self, slots: Index) -> None:
+        """Choose the goals that are shown in some slots, from where the vessels are now."""
+        if self.land is not None:
+            self.land.follow(slots, self.position, self.goal)
+
+    @property
     def velocity(self) -> Points:
         """[m/s] (E, V) Over ground, of who is under way; 0 of the others."""
         through_water = (self.nu[0] + 1j * self.nu[1]) * np.exp(1j * self.heading)
-        velocity: Points = (through_water + self.current[:, None]) * self.active
+        velocity: Points = (through_water + self.drift) * self.active
         return velocity
 
     def take_hulls(self, slots: Index, hulls: Hulls) -> None:
         """Give the vessels of some slots their hulls, and these slots their current."""
         self.radius[slots], self.thrust_min[slots] = hulls.radius, hulls.thrust_min
-        self.told[slots], self.current[slots] = hulls.told, hulls.current
+        self.told[slots], self.drift[slots] = hulls.told, hulls.current[:, None]
 
     def begin(self, slots: Index, scenario: Scenarios) -> None:
         """Put new episodes in some slots, at rest."""
@@ -351,6 +392,7 @@ class State:
         self.parked[slots] = False
         self.buoy[slots] = scenario.buoy
         self.buoy_there[slots] = scenario.buoy_there
+        self.buoy_radius[slots] = scenario.buoy_radius
         self.decisions[slots] = 0
         strangers = scenario.strangers
         if strangers is not None:
@@ -363,10 +405,40 @@ class State:
             self.scripted_turn[slots] = strangers.turn
             self.range[slots] = strangers.range_m
 
+    def take_field(self, slots: Index, field: Float64, time_s: Float64) -> None:
+        """Give some slots their currents, (n, 12), and the vessels there the water's velocity."""
+        self.field[slots] = field
+        self.drift[slots] = self.water(time_s)[slots]
+
+    def water(self, time_s: Float64) -> Points:
+        """Give the water's velocity where the vessels are, (E, V) [m/s], at times (E,) [s]."""
+        places = np.stack([self.position.real, self.position.imag], axis=-1)
+        velocity = current_field(self.field).velocity(places, time_s)
+        flow: Points = velocity[..., 0] + 1j * velocity[..., 1]
+        return flow
+
     def halt_others(self) -> None:
         """Stop who is not under way."""
         self.nu *= self.active
         self.thrust *= self.active
+
+
+FIELD_COLUMNS = 12
+"""[-] Mean (2), centre (2), shear, width, period, phase, one vortex (4) of a `CurrentField`."""
+
+
+def current_field(columns: Float64) -> CurrentField:
+    """Give currents of rows of numbers, (..., 12)."""
+    mean, centre, vortex = columns[..., :2], columns[..., 2:4], columns[..., None, 8:]
+    shear, width, period, phase = np.moveaxis(columns[..., 4:8], -1, 0)
+    return CurrentField(mean, centre, shear, width, period, phase, vortex)
+
+
+def field_columns(field: CurrentField) -> Float64:
+    """Give a current as a row of numbers, (12,); it has one vortex or none."""
+    vortex = field.vortex[0] if len(field.vortex) else np.array([0.0, 0.0, 1.0, 0.0])
+    middle = (field.shear, field.width, field.period, field.phase)
+    return np.concatenate([field.mean, field.centre, np.stack(middle), vortex])
 
 
 class Coefficients:
@@ -624,10 +696,9 @@ class Physics:
         conditions: ConditionSettings,
         period_s: float,
         substep_s: float,
-        buoy_radius_m: float,
         coriolis: Coriolis = "once",
     ) -> None:
-        self._state, self._vessel, self._buoy_radius = state, vessel, buoy_radius_m
+        self._state, self._vessel, self._flows = state, vessel, bool(conditions.currents)
         self._period, self._substep = period_s, substep_s
         self.forces = Forces(conditions, vessel, state.shape, substep_s, coriolis)
         vessels = math.prod(state.shape)
@@ -668,9 +739,12 @@ class Physics:
             state.nu.reshape(3, -1),
             self.forces,
         )
-        if state.current.any():
+        if self._flows or state.drift.any():
             self._drift()
         state.position.real, state.position.imag = state.north_east
+        if self._flows:
+            self._flow_on(elapsed_s + self._period)
+        state.take_aim(np.arange(state.shape[0]))
         state.scripted += state.scripted_velocity * self._period
         if state.scripted_turn.any():
             turn = state.scripted_turn * self._period
@@ -680,11 +754,35 @@ class Physics:
     def _drift(self) -> None:
         """Let the current carry who is under way: the motion so far was through the water."""
         state, motion = self._state, self.motion
-        drift = state.current[:, None] * state.active
+        drift = state.drift * state.active
         times = self._substep * np.arange(len(motion.trajectory))
         carried = np.stack([drift.real, drift.imag]).reshape(2, -1)
         motion.trajectory += times[:, None, None] * carried
         state.north_east += (times[-1] * carried).reshape(state.north_east.shape)
+
+    def _flow_on(self, time_s: Float64) -> None:
+        """Take the vessels into the water where they are now: their way over ground stays."""
+        state = self._state
+        water = state.water(time_s)
+        change = (water - state.drift) * np.exp(-1j * state.heading) * state.active
+        state.nu[0] -= change.real
+        state.nu[1] -= change.imag
+        state.drift = water
+
+    def grounded(self) -> tuple[Mask, Mask]:
+        """Tell which vessels touched land, and which a fence, in the decision just made."""
+        state, motion = self._state, self.motion
+        if state.land is None:
+            nobody = np.zeros(state.shape, bool)
+            return nobody, nobody
+        count = len(motion.trajectory)
+        return state.land.touched(
+            motion.trajectory.reshape(count, 2, *state.shape),
+            motion.headings.reshape(count, *state.shape),
+            strayed(motion.trajectory).reshape(state.shape),
+            state.active,
+            state.half,
+        )
 
     def touched(self) -> tuple[Mask, Mask]:
         """Tell which vessels touched a vessel, and which a buoy, in the decision just made."""
@@ -695,8 +793,23 @@ class Physics:
         vessel = between_vessels(trajectory, far, state.there, radius) & state.active
         if state.scripted.shape[1]:
             vessel |= self._with_scripted(trajectory, far)
-        there, buoys = state.active, (state.buoy, state.buoy_there, self._buoy_radius)
-        return vessel, with_buoys(trajectory, far, there, radius, *buoys)
+        there, buoys = state.active, (state.buoy, state.buoy_there, state.buoy_radius)
+        touched = with_buoys(trajectory, far, there, radius, *buoys)
+        if state.land is not None and touched.any():
+            touched &= self._touches_pile(trajectory, touched) | ~state.land.there[:, None]
+        return vessel, touched
+
+    def _touches_pile(self, trajectory: Float64, near: Mask) -> Mask:
+        """Tell whose rectangle, of those near one, touched a buoy: narrow places need no circle."""
+        state, touched = self._state, np.zeros(self._state.shape, bool)
+        e, o = np.nonzero(near)
+        headings = self.motion.headings.reshape(len(trajectory), *state.shape)[1:, e, o]
+        own = trajectory[1:, 0, e, o] + 1j * trajectory[1:, 1, e, o]
+        between = (state.buoy[e] - own[..., None]) * np.exp(-1j * headings)[..., None]
+        gap = outside(between, state.half[e, o][:, None])
+        hit = (gap < state.buoy_radius[e]) & state.buoy_there[e]
+        touched[e, o] = hit.any(axis=(0, 2))
+        return touched
 
     def _with_scripted(self, trajectory: Float64, far: Float64) -> Mask:
         """Tell whose circle, (E, V), touched a scripted vessel's rectangle."""
@@ -794,22 +907,22 @@ def with_buoys(
     radius: Float64,
     buoy: Points,
     buoy_there: Mask,
-    buoy_radius: float,
+    buoy_radius: Float64,
 ) -> Mask:
     """Tell which vessels touched a buoy; buoys (E, M), the rest as in `between_vessels`."""
-    touched = np.zeros(there.shape, bool)
+    touched, buoy_radius = np.zeros(there.shape, bool), np.broadcast_to(buoy_radius, buoy.shape)
     if not buoy.shape[1]:
         return touched
     x, y = trajectory[0][..., None]
     north, east = x - buoy.real[:, None], y - buoy.imag[:, None]
-    reach = (radius + buoy_radius + strayed)[..., None]
+    reach = (radius + strayed)[..., None] + buoy_radius[:, None]
     near = north * north + east * east < reach * reach
     near &= there[..., None] & buoy_there[:, None]
     episode, vessel, which = np.nonzero(near)
     if episode.size:
         centre = buoy[episode, which]
         offset = trajectory[1:, :, episode, vessel] - np.stack([centre.real, centre.imag])
-        hit = _closest(offset) < radius[episode, vessel] + buoy_radius
+        hit = _closest(offset) < radius[episode, vessel] + buoy_radius[episode, which]
         touched[episode[hit], vessel[hit]] = True
     return touched
 

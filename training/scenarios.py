@@ -28,6 +28,7 @@ from twinscrew.runtime.settings import (
     load,
     shipped,
 )
+from twinscrew.training.harbours import Harbour, Kind
 
 Points = NDArray[np.complex128]
 Index = NDArray[np.intp]
@@ -39,6 +40,8 @@ ROUNDS = 32
 """[-] So many times, before the whole episode is drawn anew."""
 REDRAWS = 8
 """[-] So many times, before the request counts as impossible."""
+MOST_PILES = 16
+"""[-] In a harbour."""
 
 
 class ScenarioSettings(Settings, frozen=True):
@@ -52,6 +55,9 @@ class ScenarioSettings(Settings, frozen=True):
     """[m] At least this far from each start to its goal."""
     strangers: Annotated[int, Meta(ge=0, le=8)] = 0
     """[-] Up to so many vessels that give no way (`StrangerSettings`)."""
+    harbour: tuple[Kind, ...] = ()
+    """Harbours of these kinds in place of open water (`LandSettings`): they bring their own piles,
+    starts, goals and ways; buoys and strangers are not for them."""
     weight: NonNegative = 1.0
     """[-] How often this row is drawn, relative to the others of a mixture."""
 
@@ -80,7 +86,7 @@ class MapSettings(Settings, frozen=True):
         return self.size_m - 2 * self.margin_m
 
 
-class Kind(NamedTuple):
+class StrangerKind(NamedTuple):
     """What strangers of a kind are like; ranges are (least, greatest)."""
 
     weight: float
@@ -90,11 +96,11 @@ class Kind(NamedTuple):
 
 
 KINDS = (
-    Kind(2.0, 4, (2.0, 8.0), (0.3, 2.7)),  # of the own size
-    Kind(3.0, 4, (2.0, 12.0), (2.3, 6.0)),  # faster than the own vessel
-    Kind(2.5, 3, (8.0, 26.0), (0.3, 4.5)),  # ships
-    Kind(1.0, 5, (1.0, 16.0), (0.0, 0.0)),  # at anchor
-    Kind(1.5, 5, (1.0, 26.0), (0.0, 6.0)),  # anything
+    StrangerKind(2.0, 4, (2.0, 8.0), (0.3, 2.7)),  # of the own size
+    StrangerKind(3.0, 4, (2.0, 12.0), (2.3, 6.0)),  # faster than the own vessel
+    StrangerKind(2.5, 3, (8.0, 26.0), (0.3, 4.5)),  # ships
+    StrangerKind(1.0, 5, (1.0, 16.0), (0.0, 0.0)),  # at anchor
+    StrangerKind(1.5, 5, (1.0, 26.0), (0.0, 6.0)),  # anything
 )
 
 
@@ -147,6 +153,10 @@ class Scenarios(NamedTuple):
     """(N, M) [m]."""
     buoy_there: Mask
     """(N, M) Whether there is such a buoy."""
+    buoy_radius: Float64
+    """(N, M) [m]"""
+    harbour: Index
+    """(N, 2) Which row of the mixture draws its harbour, and the harbour's number; -1: none."""
     strangers: Strangers | None = None
     """Vessels that give no way, where any are asked for."""
 
@@ -180,6 +190,10 @@ def check(rows: Sequence[ScenarioSettings], area: MapSettings) -> None:
     each = math.pi * (area.clearance_m / 2) ** 2
     most = int(room / each) if each > 0.0 else None
     for row in rows:
+        if row.harbour:
+            if row.buoys or row.strangers:
+                raise ConfigError("a harbour has piles of its own and no strangers", key="harbour")
+            continue
         if row.min_distance_m > diagonal:
             raise ConfigError(
                 f"{row.min_distance_m} m does not fit the map; allowed: up to {diagonal:.1f} m",
@@ -229,10 +243,14 @@ def sample(
         vessel=np.arange(vessels) < np.array([rows[k].robots for k in row])[:, None],
         buoy=np.zeros((count, buoys), complex),
         buoy_there=np.arange(buoys) < np.array([rows[k].buoys for k in row])[:, None],
+        buoy_radius=np.full((count, buoys), area.buoy_radius_m),
+        harbour=np.full((count, 2), -1),
     )
     distance = np.array([rows[k].min_distance_m for k in row])
-    todo = np.arange(count)
+    todo = np.flatnonzero([not rows[k].harbour for k in row])
     for _ in range(REDRAWS):
+        if not todo.size:
+            return result
         todo = todo[~_place(result, todo, distance, area, generators)]
         if not todo.size:
             return result
@@ -331,6 +349,26 @@ def _take_first(
     return found
 
 
+def place_in_harbour(into: Scenarios, episode: int, row: int, number: int, one: Harbour) -> None:
+    """Let an episode happen in a harbour, which is number `number` of a row of the mixture.
+
+    Raises
+    ------
+    ConfigError
+        It has more piles than there is room for.
+    """
+    count, piles = len(one.starts), len(one.piles)
+    if piles > into.buoy.shape[1]:
+        raise ConfigError(f"{piles} piles; allowed: up to {into.buoy.shape[1]}", key="harbour")
+    into.start[episode, :count] = one.starts[:, 0] + 1j * one.starts[:, 1]
+    into.heading[episode, :count] = one.starts[:, 2]
+    into.goal[episode, :count] = one.goals[:, 0] + 1j * one.goals[:, 1]
+    into.buoy[episode, :piles] = one.piles[:, 0] + 1j * one.piles[:, 1]
+    into.buoy_there[episode] = np.arange(into.buoy.shape[1]) < piles
+    into.buoy_radius[episode, :piles] = one.piles[:, 2]
+    into.harbour[episode] = row, number
+
+
 def draw_strangers(
     scenario: Scenarios,
     most: Index,
@@ -391,7 +429,7 @@ def _place_stranger(
     into: Strangers,
     n: int,
     t: int,
-    kind: Kind,
+    kind: StrangerKind,
     settings: StrangerSettings,
     ways: tuple[Points, Points],
     g: Generator,

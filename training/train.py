@@ -45,9 +45,10 @@ class Training:
         folder: Path,
         device: str = "cpu",
         wandb: str | None = None,
+        start: Path | None = None,
     ) -> None:
         self.settings, self.seed, self.folder, self.device = settings, seed, folder, device
-        self._wandb = wandb
+        self._wandb, self._start = wandb, start
         self.agent = make_agent(settings.agent, seed, device)
         self.memory = self.agent.memory(settings)
         self.generator = torch.Generator().manual_seed(seed)
@@ -66,9 +67,14 @@ class Training:
         if resumed:
             self._restore()
             runs.trim_log(self.folder / runs.LOG, self.step)
+        elif self._start is not None:
+            self._begin_from(self._start)
         with Logs(self.folder, plain, self.step, self._wandb) as self._logs:
             if not resumed:
-                self._logs.write("start", seed=self.seed, machine=machine(), device=self.device)
+                told = {} if self._start is None else {"begun_from": self._start.name}
+                self._logs.write(
+                    "start", seed=self.seed, machine=machine(), device=self.device, **told
+                )
             yield
             if self.is_finished:
                 self._logs.write("end", step=self.step, seconds=round(self.seconds, 1))
@@ -107,7 +113,10 @@ class Training:
         network = self.agent.deployed(s.radius_margin)
         policy = NetworkPolicy(network, seen.period_s, seen.layout, seen.range_m)
         rough = phase_settings(s, s.phases[self.phase]).rough if s.rough_share > 0.0 else None
-        score = evaluate.validate(policy, s.evaluation_episodes, s.validation_seed, rough)
+        kinds = dict.fromkeys(kind for row in seen.scenarios for kind in row.harbour)
+        score = evaluate.validate(
+            policy, s.evaluation_episodes, s.validation_seed, rough, tuple(kinds)
+        )
         self.score = score.record()
         self._logs.write("evaluation", **self._where(), **self.score)
         if self.best is None or score.value > self.best:
@@ -160,6 +169,11 @@ class Training:
             "replay": replay,
         }
         runs.save_checkpoint(self.folder / name, algorithm(self.settings.agent), content)
+
+    def _begin_from(self, file: Path) -> None:
+        content = runs.load_checkpoint(file, algorithm(self.settings.agent))
+        with runs.understood(file):
+            self.agent.start_from(content["agent"])
 
     def _restore(self) -> None:
         file = self.folder / runs.CHECKPOINT

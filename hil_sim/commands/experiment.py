@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,6 +30,7 @@ from twinscrew.hil_sim.experiments.plan import (
 )
 from twinscrew.hil_sim.experiments.results import EXPERIMENT_FILE, begin, go_on
 from twinscrew.hil_sim.experiments.runner import check_engine, find, parse_line, rerun, run
+from twinscrew.hil_sim.experiments.suites import SUITES, find_suite
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.progress import ProgressLines
@@ -43,8 +45,12 @@ def experiment(
     methods: Annotated[
         str | None,
         typer.Option(
-            help="Names with commas: apf, mpc, random, a shipped policy, or NAME=FILE.onnx."
+            help="With commas: apf, mpc, orca, sbmpc, random, a shipped policy, or NAME=FILE.onnx."
         ),
+    ] = None,
+    suite: Annotated[
+        str | None,
+        typer.Option(help=f"Its sets, methods, episodes and figures: {', '.join(SUITES)}."),
     ] = None,
     sets: Annotated[
         str | None,
@@ -97,9 +103,20 @@ def experiment(
     if again is not None:
         _rerun(again, out, as_json=as_json)
         return
+    if suite is not None:
+        chosen_suite = find_suite(suite)
+        if sets is not None:
+            raise ConfigError("a suite has its own sets", key="--sets")
+        if resume is None:
+            methods = methods or chosen_suite.methods
+            episodes = episodes or chosen_suite.episodes
+            base = ",".join(chosen_suite.base) if base is None else base
+            now = datetime.now(UTC).strftime("%Y%m%d-%H%M%S-%f")
+            out = out or Path("runs") / f"suite-{suite}-{now}"
     asked: dict[str, Any] = {
+        "suite": suite,
         "methods": None if methods is None else parse_methods(methods),
-        "sets": _sets(sets, vessel, resume),
+        "sets": _sets(sets, suite, vessel, resume),
         "episodes": episodes,
         "seed": seed,
         "sensor": sensor,
@@ -113,19 +130,22 @@ def experiment(
     console = Console(stderr=True)
     with _progress(console, quiet=as_json) as progress:
         finished = run(chosen, folder, workers, engine_, progress)
-    tell(finished, folder, time.monotonic() - begin_s, as_json=as_json)
+    tell(finished, folder, time.monotonic() - begin_s, chosen.suite, as_json=as_json)
 
 
 def _sets(
-    sets: str | None, vessel: list[str] | None, resume: Path | None
+    sets: str | None, suite: str | None, vessel: list[str] | None, resume: Path | None
 ) -> tuple[SetSettings, ...] | None:
     """Give the sets asked for, with the vessels asked for; None if nothing was said of them."""
-    if vessel is None:
+    if vessel is None and suite is None:
         return None if sets is None else load_sets(sets).set
-    if resume is not None and sets is None:
+    if vessel is not None and resume is not None and sets is None and suite is None:
         raise ConfigError("name the sets too: --sets", key="--vessel")
+    chosen = load_sets(sets or "paper").set if suite is None else find_suite(suite).sets
+    if vessel is None:
+        return chosen
     types = tuple(load_vessel(kind).key for kind in vessel)
-    return tuple(replace(one, types=types) for one in load_sets(sets or "paper").set)
+    return tuple(replace(one, types=types) for one in chosen)
 
 
 def _variants(ablate: str | None, base: str | None) -> tuple[Switches, ...] | None:

@@ -28,6 +28,7 @@ from twinscrew.hil_sim.experiments.plan import (
     Switches,
     Task,
     calmed,
+    chart_of,
     dynamics,
     eased,
     label,
@@ -41,7 +42,9 @@ from twinscrew.hil_sim.experiments.results import (
     EpisodeRecord,
     Timing,
     VesselRecord,
+    tracks_line,
 )
+from twinscrew.hil_sim.rules import evidence
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.supervisor import Outcome
@@ -92,10 +95,13 @@ def surroundings(world: World, vessel: int, reach_m: float) -> Surroundings:
     ConfigError
         The scenario has quays: they are no circles.
     """
-    if len(world.scenario.quays) or world.scenario.traffic:
-        what = "a quay" if len(world.scenario.quays) else "a ship"
+    ashore = len(world.scenario.quays) or world.scenario.land
+    if ashore or world.scenario.traffic:
+        what = "a quay" if ashore else "a ship"
         raise ConfigError(f"{what} is no circle: not with ideal perception", key="--ablate")
     bodies = world.bodies()
+    if len(world.scenario.piles):
+        raise ConfigError("piles have no circles there: not with ideal perception", key="--ablate")
     buoys = world.scenario.buoys[:, 2]
     radius = np.r_[[vessel.contact_radius_m for vessel in world.vessels], buoys]
     p_N = bodies.position_N[:, :2] - bodies.position_N[vessel, :2]
@@ -166,32 +172,7 @@ class DirectCrew(LockstepCrew):
         return np.array([runtime.vessel.thrust for runtime in self.vessels])
 
 
-# -- What an experiment must remember: what a vessel touched, how often the assurance stepped in.
-
-Touched = Literal["vessel", "buoy", "quay", "traffic"]
-
-
-class WitnessWorld(World):
-    """A world, and the first thing that each vessel hit."""
-
-    def __init__(self, *args: Any, **options: Any) -> None:
-        """See `World`."""
-        self.touched: dict[int, Touched] = {}
-        super().__init__(*args, **options)
-
-    def remove(self, vessel: int) -> None:
-        """Take a vessel off the map; before that, note what overlaps it most."""
-        if self.gaps[vessel].min() <= 0.0:
-            self.touched[vessel] = self._kind(int(self.gaps[vessel].argmin()))
-        super().remove(vessel)
-
-    def _kind(self, column: int) -> Touched:
-        """Say what a column of the gaps is: vessels, buoys, quays, traffic."""
-        ends = np.cumsum(
-            [self.scenario.vessels, len(self.scenario.buoys), len(self.scenario.quays)]
-        )
-        kinds: tuple[Touched, ...] = ("vessel", "buoy", "quay", "traffic")
-        return kinds[int(np.searchsorted(ends, column, side="right"))]
+# -- What an experiment must remember: how often the assurance stepped in.
 
 
 class WitnessAssurance(Assurance):
@@ -227,10 +208,10 @@ def give_back() -> None:
 
 
 def make_record(
-    task: Task, world: WitnessWorld, crew: LockstepCrew, voyage: VoyageResult, wall_s: float
+    task: Task, world: World, crew: LockstepCrew, voyage: VoyageResult, wall_s: float
 ) -> EpisodeRecord:
     """Give what became of an episode that took `wall_s` seconds to sail."""
-    vessels = _vessels(world, crew, voyage)
+    vessels = _vessels(crew, voyage)
     return EpisodeRecord(
         method=task.method.name,
         set=task.set.name,
@@ -240,6 +221,7 @@ def make_record(
         success=voyage.success,
         cause=cause(vessels),
         vessels=vessels,
+        kind=world.scenario.kind,
         encounters=_encounters(world, voyage, task.switches),
         decisions_sha256=combined_sha256(runtime.publisher.sha256 for runtime in crew.vessels),
         timing=_timing(crew, voyage, wall_s),
@@ -247,33 +229,35 @@ def make_record(
 
 
 def cause(vessels: tuple[VesselRecord, ...]) -> Cause | None:
-    """Give why an episode failed, by its first failure; None if it did not. A quay is a buoy."""
+    """Give why an episode failed, by its first failure; None if it did not."""
     failed = [vessel for vessel in vessels if vessel.outcome != "goal"]
     if not failed:
         return None
     first = min(failed, key=lambda vessel: vessel.travel_time_s)
     if first.outcome == "timeout":
         return "time"
-    return "vessel" if first.touched == "vessel" else "buoy"
+    if first.touched in ("buoy", "quay", "fence"):
+        return first.touched
+    return "vessel"  # an own one, or a scripted ship
 
 
-ENDED: Final[dict[Outcome | None, Literal["goal", "collision", "timeout"]]] = {
+ENDED: Final[dict[Outcome | None, Literal["goal", "collision", "fence", "timeout"]]] = {
     Outcome.GOAL: "goal",
     Outcome.COLLISION: "collision",
+    Outcome.FENCE: "fence",
 }
 """How voyages to goals end, otherwise by time."""
 
 
-def _vessels(
-    world: WitnessWorld, crew: LockstepCrew, voyage: VoyageResult
-) -> tuple[VesselRecord, ...]:
+def _vessels(crew: LockstepCrew, voyage: VoyageResult) -> tuple[VesselRecord, ...]:
     energy = voyage.log.energy_ns()
     return tuple(
         VesselRecord(
             outcome=ENDED.get(result.outcome, "timeout"),
-            touched=world.touched.get(i),
+            touched=result.touched,
             travel_time_s=round(result.travel_time_s, 3),
             closest_approach_m=_finite(result.closest_approach_m),
+            greatest_current_mps=round(result.greatest_current_mps, 3),
             energy_ns=round(float(energy[i]), 1),
             decisions=crew.vessels[i].publisher.decisions,
             interventions=_interventions(crew, i),
@@ -288,16 +272,18 @@ def _interventions(crew: LockstepCrew, vessel: int) -> int:
 
 
 def _encounters(
-    world: WitnessWorld, voyage: VoyageResult, switches: Switches
+    world: World, voyage: VoyageResult, switches: Switches
 ) -> tuple[EncounterRecord, ...]:
     found = find_encounters(course_of(world, voyage, switches))
     return tuple(EncounterRecord(**_rounded(asdict(encounter))) for encounter in found)
 
 
-def course_of(world: WitnessWorld, voyage: VoyageResult, switches: Switches) -> Course:
+def course_of(world: World, voyage: VoyageResult, switches: Switches) -> Course:
     """Bring a voyage's log into the form in which encounters are looked for."""
     rows: Float64 = voyage.log.rows
-    leaves = {Outcome.COLLISION, Outcome.GOAL} if "vanish" in switches else {Outcome.COLLISION}
+    leaves = {Outcome.COLLISION, Outcome.FENCE} | (
+        {Outcome.GOAL} if "vanish" in switches else set()
+    )
     ended_s = np.array([result.travel_time_s for result in voyage.results])
     gone = np.array([result.outcome in leaves for result in voyage.results])
     return Course(
@@ -307,7 +293,7 @@ def course_of(world: WitnessWorld, voyage: VoyageResult, switches: Switches) -> 
         heading=rows[:, :, 2],
         ended_s=ended_s,
         gone_s=np.where(gone, ended_s, np.inf),
-        buoys=world.scenario.buoys,
+        buoys=world.scenario.circles,
         radius=max(vessel.contact_radius_m for vessel in world.vessels),
     )
 
@@ -341,13 +327,18 @@ class Sailed:
     record: EpisodeRecord
     scenario: Scenario
     voyage: VoyageResult
+    tracks: evidence.Tracks
+    """Who was where."""
 
 
-def sail_task(task: Task) -> EpisodeRecord:
-    """Sail an episode and give its results: what workers run."""
-    record = sail_episode(task).record
+def sail_task(task: Task) -> tuple[EpisodeRecord, bytes]:
+    """Sail an episode and give its results, and a line of its tracks: what workers run."""
+    sailed = sail_episode(task)
+    line = tracks_line(sailed.record.key, sailed.tracks)
+    record = sailed.record
+    del sailed
     give_back()
-    return record
+    return record, line
 
 
 def sail_episode(task: Task, folder: Path | None = None) -> Sailed:
@@ -360,7 +351,7 @@ def sail_episode(task: Task, folder: Path | None = None) -> Sailed:
     """
     begin_s = time.perf_counter()
     try:
-        scenario = eased(task.set.draw(task.seed), task.switches)
+        scenario = eased(task.set.draw(task.seed, task.episode), task.switches)
         world = _world(scenario, task)
         crew = _crew(world, task, folder)
         voyage = _sail(world, crew, task)
@@ -369,19 +360,24 @@ def sail_episode(task: Task, folder: Path | None = None) -> Sailed:
         raise TwinscrewError(f"episode ({where}): {error}") from error
     wall_s = time.perf_counter() - begin_s
     return Sailed(
-        record=make_record(task, world, crew, voyage, wall_s), scenario=scenario, voyage=voyage
+        record=make_record(task, world, crew, voyage, wall_s),
+        scenario=scenario,
+        voyage=voyage,
+        tracks=evidence.true_tracks(
+            scenario, voyage.log, voyage.results, vanish="vanish" in task.switches
+        ),
     )
 
 
-def _world(scenario: Scenario, task: Task) -> WitnessWorld:
+def _world(scenario: Scenario, task: Task) -> World:
     sea = calmed(load(shipped("sea", scenario.sea), SeaSettings), task.switches)
     vessels = [vessel_of(task.switches, load_vessel(kind)) for kind in scenario.types]
     settings = WorldSettings(dynamics=dynamics(task.switches))
     sensor = load_sensor(task.sensor)
-    return WitnessWorld(scenario, sensor, vessels, sea, task.seed, settings=settings)
+    return World(scenario, sensor, vessels, sea, task.seed, settings=settings)
 
 
-def _crew(world: WitnessWorld, task: Task, folder: Path | None) -> LockstepCrew:
+def _crew(world: World, task: Task, folder: Path | None) -> LockstepCrew:
     configs = [_config(task, world.scenario, i, folder) for i in range(world.scenario.vessels)]
     pipelines = [_pipeline(config, world, i, task) for i, config in enumerate(configs)]
     kind = DirectCrew if "ideal_thrust" in task.switches else LockstepCrew
@@ -397,6 +393,7 @@ def _config(task: Task, scenario: Scenario, vessel: int, folder: Path | None) ->
         policy=CLASSICAL[0] if by_chance else task.method.policy,  # `_pipeline` replaces it
         assurance=unassured(task.switches),
         envelope={"enabled": False},  # methods are compared, not what the boat does outside it
+        chart=chart_of(task.switches, scenario),
         mission={"goal_radius_m": scenario.goal_radius},
         perception=expecting(scenario.types),
         autopilot={"system_id": vessel + 1, "arm": True, "receiver_fitted": False},
@@ -407,7 +404,7 @@ def _config(task: Task, scenario: Scenario, vessel: int, folder: Path | None) ->
     )
 
 
-def _pipeline(config: RuntimeConfig, world: WitnessWorld, vessel: int, task: Task) -> Pipeline:
+def _pipeline(config: RuntimeConfig, world: World, vessel: int, task: Task) -> Pipeline:
     """Make a pipeline with what no configuration can say: chance, a witness, ideal stages."""
     reach_m, perception, tracker = config.perception.max_range_m, None, None
     if {"ideal_perception", "ideal_tracking"} & set(task.switches):
@@ -423,7 +420,7 @@ def _pipeline(config: RuntimeConfig, world: WitnessWorld, vessel: int, task: Tas
     )
 
 
-def _sail(world: WitnessWorld, crew: LockstepCrew, task: Task) -> VoyageResult:
+def _sail(world: World, crew: LockstepCrew, task: Task) -> VoyageResult:
     scan_s = 1.0 / load_sensor(task.sensor).rate_hz
     try:
         voyage = Voyage(world, crew, scan_s=scan_s, supervisor=supervision(task.switches))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest, bootstrap
 
-from twinscrew.hil_sim.experiments.results import EncounterRecord, EpisodeRecord
+from twinscrew.hil_sim.experiments.results import CAUSES, EncounterRecord, EpisodeRecord
 from twinscrew.runtime.messages.types import Float64
 
 RESAMPLES = 10_000
@@ -156,7 +156,7 @@ class Cell:
     travel_time_s: tuple[float, float, float]
     """[s] Mean over the vessels of the successful episodes, and its 95 % bootstrap interval."""
     failures: dict[str, int]
-    """[-] Episodes by the cause of their first failure: vessel, buoy, time."""
+    """[-] Episodes by the cause of their first failure, one of `CAUSES`."""
     closest_approach_m: tuple[float, float, float]
     """[m] 5 %, 25 % and 50 % percentile over all vessels."""
     energy_kns: float
@@ -214,10 +214,7 @@ def cell(records: Sequence[EpisodeRecord]) -> Cell:
         successes=len(successes),
         wilson95=wilson(len(successes), len(records)),
         travel_time_s=bootstrap_mean([[v.travel_time_s for v in r.vessels] for r in successes]),
-        failures={
-            cause: sum(record.cause == cause for record in records)
-            for cause in ("vessel", "buoy", "time")
-        },
+        failures={cause: sum(record.cause == cause for record in records) for cause in CAUSES},
         closest_approach_m=(five, quarter, half),
         energy_kns=_mean(v.energy_ns / 1e3 for record in successes for v in record.vessels),
         decision_ms=(

@@ -55,8 +55,10 @@ Model make_model(In<6, 6> mass, In<6, 6> mass_inverse, In<6> linear_drag, In<6> 
           .wind_world_frame = wind_world_frame};
 }
 
-Sea make_sea(const In<-1, 5>& waves, double growth, const In<2>& wind, const In<2>& current,
-             double time_s) {
+/// The sea but for its current, which every vessel has its own of.
+Sea make_sea(const In<-1, 5>& waves, double growth, const In<2>& wind, const In<-1, 2>& current,
+             std::size_t vessels, double time_s) {
+  require(current.shape(0) == vessels, "every array must have one row a vessel");
   static_assert(sizeof(Wave) == 5 * sizeof(double));
   require(finite(waves) && finite(wind) && finite(current) && std::isfinite(growth * time_s),
           "the sea must be finite");
@@ -64,7 +66,11 @@ Sea make_sea(const In<-1, 5>& waves, double growth, const In<2>& wind, const In<
           growth,
           time_s,
           {wind(0), wind(1), 0.0},
-          {current(0), current(1), 0.0}};
+          {0.0, 0.0, 0.0}};
+}
+
+Vec3 current_of(const In<-1, 2>& current, std::size_t i) {
+  return {current(i, 0), current(i, 1), 0.0};
 }
 
 /// The arrays of V vessels, as VesselState holds them.
@@ -112,7 +118,7 @@ struct Fleet {
 
 void step_all(const Model& model, In<-1, 3> position_N, In<-1, 4> q_NB, In<-1, 3> velocity_B,
               In<-1, 3> rates_B, In<-1, 2> thrust, In<-1, 2> command, In<-1, 5> waves,
-              double growth, In<2> wind_N, In<2> current_N, double time_s, double dt_s,
+              double growth, In<2> wind_N, In<-1, 2> current_N, double time_s, double dt_s,
               Out<-1, 3> next_position_N, Out<-1, 4> next_q_NB, Out<-1, 3> next_velocity_B,
               Out<-1, 3> next_rates_B, Out<-1, 2> next_thrust) {
   const Fleet<const double> now{position_N, q_NB, velocity_B, rates_B, thrust};
@@ -124,23 +130,26 @@ void step_all(const Model& model, In<-1, 3> position_N, In<-1, 4> q_NB, In<-1, 3
   require(now.all_finite(), "the state must be finite");
   require(finite(command), "the command must be finite");
   require(dt_s > 0 && std::isfinite(dt_s), "a step must be longer than 0");
-  const Sea sea = make_sea(waves, growth, wind_N, current_N, time_s);
+  Sea sea = make_sea(waves, growth, wind_N, current_N, now.size(), time_s);
   const nb::gil_scoped_release release;
-  for (std::size_t i = 0; i < now.size(); ++i)
+  for (std::size_t i = 0; i < now.size(); ++i) {
+    sea.current = current_of(current_N, i);
     next.set(i, step(model, now.get(i), {command(i, 0), command(i, 1)}, sea, dt_s));
+  }
 }
 
 void accelerate_all(const Model& model, In<-1, 3> position_N, In<-1, 4> q_NB,
                     In<-1, 3> velocity_B, In<-1, 3> rates_B, In<-1, 2> thrust, In<-1, 5> waves,
-                    double growth, In<2> wind_N, In<2> current_N, double time_s,
+                    double growth, In<2> wind_N, In<-1, 2> current_N, double time_s,
                     Out<-1, 6> nu_dot) {
   const Fleet<const double> now{position_N, q_NB, velocity_B, rates_B, thrust};
   now.check();
   require(nu_dot.shape(0) == now.size(), "every array must have one row a vessel");
   require(now.all_finite(), "the state must be finite");
-  const Sea sea = make_sea(waves, growth, wind_N, current_N, time_s);
+  Sea sea = make_sea(waves, growth, wind_N, current_N, now.size(), time_s);
   const nb::gil_scoped_release release;
   for (std::size_t i = 0; i < now.size(); ++i) {
+    sea.current = current_of(current_N, i);
     const Six a = acceleration(model, now.get(i), sea);
     const std::array<double, 6> row{a.linear.x,  a.linear.y,  a.linear.z,
                                     a.angular.x, a.angular.y, a.angular.z};

@@ -48,6 +48,27 @@ std::size_t add_shape(Caster& caster, Numbers kinds, Vectors3 centres, Matrices3
   return caster.add_shape(std::move(shape));
 }
 
+void add_plate(Caster& caster, std::size_t shape, double down_m, In<-1, 2> ring) {
+  require(shape < caster.shapes(), "no such shape");
+  require(ring.shape(0) >= 3, "a plate needs at least three corners");
+  require(finite(ring) && std::isfinite(down_m), "a plate must be finite");
+  std::array<double, 2> low{ring(0, 0), ring(0, 1)}, high = low;
+  for (std::size_t i = 0; i < ring.shape(0); ++i) {
+    for (std::size_t k = 0; k < 2; ++k) {
+      low[k] = std::min(low[k], ring(i, k));
+      high[k] = std::max(high[k], ring(i, k));
+    }
+  }
+  const Vec3 centre{(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, down_m};
+  Solid plate{Kind::kPlate,
+              {(high[0] - low[0]) / 2, (high[1] - low[1]) / 2, 0},
+              {{1, 0, 0, 0, 1, 0, 0, 0, 1}, centre}};
+  for (std::size_t i = 0; i < ring.shape(0); ++i) {
+    plate.ring.push_back({ring(i, 0) - centre[0], ring(i, 1) - centre[1]});
+  }
+  caster.add_to(shape, std::move(plate));
+}
+
 void mount(Caster& caster, std::size_t own_shape, In<3> p_BS, In<3, 3> R_BS) {
   require(own_shape < caster.shapes(), "no such shape");
   caster.mount(own_shape, pose(R_BS.data(), p_BS.data()));
@@ -95,6 +116,7 @@ NB_MODULE(_native, m) {
            },
            "elevations"_a, "azimuths"_a, "range_min_m"_a, "range_max_m"_a)
       .def("add_shape", &add_shape, "kinds"_a, "centres"_a, "rotations"_a, "halves"_a)
+      .def("add_plate", &add_plate, "shape"_a, "down_m"_a, "ring"_a)
       .def("mount", &mount, "own_shape"_a, "p_BS"_a, "R_BS"_a)
       .def("cast", &cast, "p_NS"_a, "R_NS"_a, "shapes"_a, "p_NO"_a, "R_NO"_a, "water_z"_a, "own"_a,
            "beam"_a.noconvert(), "distance"_a.noconvert(), "body"_a.noconvert());

@@ -15,13 +15,17 @@ Caster::Caster(Beams beams, double range_min, double range_max)
       touched_(beams_.rows(), Touched{beams_.columns(), 0}) {}
 
 std::size_t Caster::add_shape(Shape shape) {
-  double radius = 0;
-  for (const Solid& s : shape) {
-    radius = std::max(radius, std::sqrt(dot(s.X_OP.p, s.X_OP.p)) + std::sqrt(dot(s.half, s.half)));
-  }
-  shapes_.push_back(std::move(shape));
-  radius_.push_back(radius);
+  shapes_.emplace_back();
+  radius_.push_back(0);
+  for (Solid& solid : shape) add_to(shapes_.size() - 1, std::move(solid));
   return shapes_.size() - 1;
+}
+
+void Caster::add_to(std::size_t shape, Solid solid) {
+  const double far = std::sqrt(dot(solid.X_OP.p, solid.X_OP.p)) +
+                     std::sqrt(dot(solid.half, solid.half));
+  radius_[shape] = std::max(radius_[shape], far);
+  shapes_[shape].push_back(std::move(solid));
 }
 
 void Caster::mount(std::size_t own_shape, const Pose& X_BS) {

@@ -34,6 +34,9 @@ class Caster {
   /// Adds a shape and gives its number.
   std::size_t add_shape(Shape shape);
 
+  /// Adds a solid to a shape.
+  void add_to(std::size_t shape, Solid solid);
+
   /// Says what carries the sensor, and where (X_BS). Its parts never move against the sensor, so
   /// they are cast here, once for all scans.
   void mount(std::size_t own_shape, const Pose& X_BS);

@@ -30,7 +30,7 @@ Pose inverse(const Pose& X_AB) {
 }
 
 double support(const Solid& solid, const Vec3& u) {
-  if (solid.kind == Kind::kBox) {
+  if (solid.kind != Kind::kCylinder) {
     return solid.half[0] * std::abs(u[0]) + solid.half[1] * std::abs(u[1]) +
            solid.half[2] * std::abs(u[2]);
   }

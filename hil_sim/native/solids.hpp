@@ -1,10 +1,11 @@
-// Boxes and cylinders, and where a ray enters them.
+// Boxes, cylinders and level plates, and where a ray enters them.
 #pragma once
 
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <vector>
 
 #include "beams.hpp"
 
@@ -29,14 +30,17 @@ Vec3 apply(const Pose& X_AB, const Vec3& p_B);
 Pose compose(const Pose& X_AB, const Pose& X_BC);
 Pose inverse(const Pose& X_AB);
 
-enum class Kind : std::uint8_t { kBox = 0, kCylinder = 1 };
+enum class Kind : std::uint8_t { kBox = 0, kCylinder = 1, kPlate = 2 };
 
-/// A convex solid centred in its own frame. Cylinder: along its x, half = (half length, radius,
-/// radius).
+using Ring = std::vector<std::array<double, 2>>;
+
+/// A solid centred in its own frame. Cylinder: along its x, half = (half length, radius, radius).
+/// Plate: a polygon in its x-y plane, which only rays from above (negative z) meet; half bounds it.
 struct Solid {
   Kind kind;
   Vec3 half;
-  Pose X_OP;  // its own frame P in its object's frame O
+  Pose X_OP;    // its own frame P in its object's frame O
+  Ring ring{};  // a plate's corners
 };
 
 /// How far a solid reaches from its centre along a unit vector, given in its own frame.
@@ -79,8 +83,31 @@ inline double enter_cylinder(const Vec3& half, const Vec3& o, const Vec3& d) {
   return std::abs(o[0] + t * d[0]) <= half[0] ? t : kMiss;
 }
 
+/// Distance at which a ray from above meets a plate (even-odd rule).
+inline double enter_plate(const Ring& ring, const Vec3& o, const Vec3& d) {
+  if (o[2] >= 0 || d[2] <= 0) return kMiss;
+  const double t = -o[2] / d[2], x = o[0] + t * d[0], y = o[1] + t * d[1];
+  bool within = false;
+  for (std::size_t i = 0, j = ring.size() - 1; i < ring.size(); j = i++) {
+    const auto& a = ring[i];
+    const auto& b = ring[j];
+    if ((a[1] > y) != (b[1] > y) && x < a[0] + (y - a[1]) * (b[0] - a[0]) / (b[1] - a[1])) {
+      within = !within;
+    }
+  }
+  return within ? t : kMiss;
+}
+
 inline double enter(const Solid& solid, const Vec3& o, const Vec3& d) {
-  return solid.kind == Kind::kBox ? enter_box(solid.half, o, d) : enter_cylinder(solid.half, o, d);
+  switch (solid.kind) {
+    case Kind::kBox:
+      return enter_box(solid.half, o, d);
+    case Kind::kCylinder:
+      return enter_cylinder(solid.half, o, d);
+    case Kind::kPlate:
+      return enter_plate(solid.ring, o, d);
+  }
+  return kMiss;
 }
 
 }  // namespace twinscrew

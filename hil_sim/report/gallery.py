@@ -104,7 +104,9 @@ def _why(record: EpisodeRecord) -> str:
     return {
         "vessel": "a vessel hit a vessel",
         "buoy": "a vessel hit a buoy",
-        "time": "a vessel took over 90 s",
+        "quay": "a vessel hit a quay, or ran aground",
+        "fence": "a vessel entered a fence",
+        "time": "a vessel ran out of time",
     }[record.cause or "time"]
 
 

@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from statistics import fmean
+from typing import Any
 
 from twinscrew.hil_sim.experiments.plan import FULL
+from twinscrew.hil_sim.experiments.results import CAUSES, Cause
+from twinscrew.hil_sim.experiments.suites import Counted
 from twinscrew.hil_sim.experiments.summary import Cell, Paired, Rule, bootstrap_mean, holm, pair
 from twinscrew.hil_sim.report.markdown import NOTHING, interval, number, p_value, share, table
 from twinscrew.hil_sim.report.material import Material
 
+HEADERS: dict[Cause, str] = {
+    "vessel": "hit a vessel",
+    "buoy": "hit a buoy",
+    "quay": "hit a quay",
+    "fence": "entered a fence",
+    "time": "over time",
+}
+"""What the columns of causes are called."""
 UNASSURED = "no_assurance"
 """The variant in which the policy's thrust goes to the propellers unchecked."""
 
@@ -29,9 +41,8 @@ def failures(material: Material) -> str:
     for method in material.methods:
         cell = material.pooled.get((method, material.main))
         if cell is not None:
-            causes = (str(cell.failures[cause]) for cause in ("vessel", "buoy", "time"))
-            rows.append([method, _success(cell), *causes])
-    return table(["", "success", "hit a vessel", "hit a buoy", "over time"], rows)
+            rows.append([method, _success(cell), *(str(cell.failures[c]) for c in CAUSES)])
+    return table(["", "success", *HEADERS.values()], rows)
 
 
 def travel_time(material: Material) -> str:
@@ -145,11 +156,46 @@ def assurance(material: Material) -> str:
         for name, variant in (("without", UNASSURED), ("with", FULL)):
             cell = material.pooled.get((method, variant))
             if cell is not None:
-                causes = (str(cell.failures[cause]) for cause in ("vessel", "buoy", "time"))
+                causes = (str(cell.failures[cause]) for cause in CAUSES)
                 told = NOTHING if variant == UNASSURED else str(cell.interventions)
                 rows.append([method, name, _success(cell), *causes, _time(cell), told])
-    header = ["", "assurance", "success", "hit a vessel", "hit a buoy", "over time"]
+    header = ["", "assurance", "success", *HEADERS.values()]
     return table([*header, "travel time [s]", "interventions"], rows)
+
+
+def suite(counted: Sequence[Counted]) -> list[str]:
+    """Give a suite's figures, a column a method and set; its tables, one each; its aims."""
+    columns = [f"{one.method}, {one.set}" for one in counted]
+    names = list(dict.fromkeys(name for one in counted for name in one.figures))
+    plain = [n for n in names if not any(isinstance(o.figures.get(n), dict) for o in counted)]
+    rows = [[name, *(_plain(one.figures.get(name)) for one in counted)] for name in plain]
+    found = [table(["", *columns], rows)]
+    for name in names:
+        if name in plain:
+            continue
+        for column, one in zip(columns, counted, strict=True):
+            found.append(_nested(f"{name}: {column}", one.figures.get(name) or {}))
+    aims = [
+        [column, words, "yes" if reached else "no"]
+        for column, one in zip(columns, counted, strict=True)
+        for words, reached in one.aims.items()
+    ]
+    return [*found, table(["", "aim", "reached"], aims)] if aims else found
+
+
+def _nested(title: str, values: Mapping[str, Any]) -> str:
+    """Give a table of numbers by row, or of rows of numbers by row and column."""
+    if any(isinstance(value, Mapping) for value in values.values()):
+        header = list(dict.fromkeys(key for row in values.values() for key in row))
+        rows = [[name, *(_plain(row.get(k)) for k in header)] for name, row in values.items()]
+        return table([title, *header], rows)
+    return table([title, ""], [[name, _plain(value)] for name, value in values.items()])
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, list | tuple):
+        return " .. ".join(_plain(each) for each in value)
+    return NOTHING if value is None else f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _pooled(material: Material) -> list[Cell]:

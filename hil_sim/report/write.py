@@ -9,6 +9,7 @@ from pathlib import Path
 from twinscrew.hil_sim.experiments.plan import FULL
 from twinscrew.hil_sim.experiments.results import results_sha256
 from twinscrew.hil_sim.experiments.runner import count
+from twinscrew.hil_sim.experiments.suites import SUITES, counted
 from twinscrew.hil_sim.report import bars, gallery, tables
 from twinscrew.hil_sim.report.gallery import Picture, Told
 from twinscrew.hil_sim.report.markdown import table
@@ -67,6 +68,8 @@ def _trajectories(material: Material, folder: Path, told: Told | None) -> list[P
 def _parts(material: Material, pictures: Sequence[Picture], failed: Sequence[Picture]) -> list[str]:
     sailed = conditions(material.experiment)
     parts = ["# Report of an experiment", *_setting(material, sailed)]
+    if material.experiment.suite:
+        parts += _suite(material)
     parts += ["## Success", SUCCESS, f"![success rates]({FIGURES}/success.png)"]
     parts += [tables.success(material), "Over all sets, and what failed first:"]
     parts += [tables.failures(material), "## Travel time", TRAVEL, tables.travel_time(material)]
@@ -112,6 +115,15 @@ def _setting(material: Material, sailed: Conditions) -> list[str]:
         f"a vessel has arrived within {_list(sailed.goal_radii_m)} m of its goal."
     )
     return [rules + unfinished, asked, table(["method", "SHA-256 of its policy"], methods)]
+
+
+def _suite(material: Material) -> list[str]:
+    """Give a suite's own section: its question, figures and aims."""
+    name = material.experiment.suite
+    if name not in SUITES:
+        return []
+    chosen = [record for record in material.records if record.variant == material.main]
+    return [f"## Suite {name}", SUITES[name].about, *tables.suite(list(counted(name, chosen)))]
 
 
 def _sea(sea: SeaSettings) -> str:

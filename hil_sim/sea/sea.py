@@ -1,4 +1,4 @@
-"""The sea: wind with gusts, waves, and a steady current, at a place and a time."""
+"""The sea: wind with gusts, waves, and currents, at a place and a time."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
+from twinscrew.training.harbours import CurrentField
 
 Array = NDArray[np.float64]
 
@@ -202,19 +203,31 @@ class SeaSettings(Settings, frozen=True):
 
 
 class Sea:
-    """Waves, wind and current over time, fully determined by settings and generator.
+    """Waves, wind and currents over time, fully determined by settings, field and generator.
 
     Two independent streams, for waves and gusts, are seeded with one draw from `rng`; nothing
     is drawn from `rng` later, so that the sea does not depend on what else uses it.
     """
 
-    def __init__(self, settings: SeaSettings, rng: np.random.Generator) -> None:
+    def __init__(
+        self, settings: SeaSettings, rng: np.random.Generator, field: CurrentField | None = None
+    ) -> None:
+        """Draw waves and gusts; `field` is a current that varies, beside the steady one."""
         seed = np.random.SeedSequence(int(rng.integers(2**63)))
         for_waves, for_wind = (np.random.default_rng(child) for child in seed.spawn(2))
         self.waves = sample_waves(settings.waves, for_waves)
         self.wave_table = self.waves.table()
         self.current_N = np.array(settings.current_mps)
+        """[m/s] [N] (2,) The steady current, the same everywhere."""
+        still = field is None or not (field.mean.any() or field.vortex.any())
+        self._field = None if still else field
         self._wind = Wind(settings.wind, for_wind)
+
+    def current(self, p_N: Array, time_s: float) -> Array:
+        """Give the water's velocity over ground, (V, 2) [m/s], frame N, at p_N, (V, 2) [m]."""
+        if self._field is None:
+            return np.tile(self.current_N, (len(p_N), 1))
+        return self.current_N + self._field.velocity(p_N, time_s)
 
     def elevation(self, p_N: Array, time_s: float) -> Array:
         """Give the surface's height over still water, (...) [m] up, at p_N, (..., 2) [m]."""

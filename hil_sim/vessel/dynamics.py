@@ -78,14 +78,14 @@ class VesselDynamics:
         """
         after = _blank(state.count)
         self._model.step(
-            *_arrays(state), command_N, *_sea_at(sea, time_s), time_s, dt_s, *_arrays(after)
+            *_arrays(state), command_N, *_sea_at(sea, state, time_s), time_s, dt_s, *_arrays(after)
         )
         return after
 
     def acceleration(self, state: VesselState, sea: Sea, time_s: float) -> Array:
         """Give the accelerations, (V, 6) [m/s2, rad/s2], in B, relative to the water."""
         nu_dot = np.empty((state.count, 6))
-        self._model.acceleration(*_arrays(state), *_sea_at(sea, time_s), time_s, nu_dot)
+        self._model.acceleration(*_arrays(state), *_sea_at(sea, state, time_s), time_s, nu_dot)
         return nu_dot
 
 
@@ -140,8 +140,9 @@ def _arrays(state: VesselState) -> tuple[Array, Array, Array, Array, Array]:
     return state.position_N, state.q_NB, state.velocity_B, state.rates_B, state.thrust
 
 
-def _sea_at(sea: Sea, time_s: float) -> tuple[Array, float, Array, Array]:
-    return sea.wave_table, sea.wave_growth(time_s), sea.wind(time_s), sea.current_N
+def _sea_at(sea: Sea, state: VesselState, time_s: float) -> tuple[Array, float, Array, Array]:
+    current_N = sea.current(state.position_N[:, :2], time_s)
+    return sea.wave_table, sea.wave_growth(time_s), sea.wind(time_s), current_N
 
 
 def _native_model(parameters: VesselDescription, settings: DynamicsSettings) -> VesselModel:

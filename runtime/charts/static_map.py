@@ -70,6 +70,8 @@ class Disc:
     """[m] Its radius, greater than zero."""
     keep_in: bool = False
     """True for an inclusion fence: it is forbidden outside."""
+    depth_m: float = -math.inf
+    """[m] The depth of water over it, for kind "depth"; negative where it dries."""
     name: str = ""
     """What people call it; for messages."""
 
@@ -357,9 +359,7 @@ class StaticMap:
 
 
 def _forbids(feature: Feature, safety_depth_m: float) -> bool:
-    if feature.kind != "depth":
-        return True
-    return isinstance(feature, Disc) or feature.depth_m < safety_depth_m
+    return feature.kind != "depth" or feature.depth_m < safety_depth_m
 
 
 def _size(feature: Feature) -> int:
@@ -373,7 +373,7 @@ def _content(feature: Feature) -> bytes:
     """Give what a feature is as bytes: equal for equal features."""
     head = f"{feature.kind}\0{feature.keep_in}\0{feature.name}\0".encode()
     if isinstance(feature, Disc):
-        return head + struct.pack("<c3d", b"o", *feature.centre, feature.radius_m)
+        return head + struct.pack("<c4d", b"o", *feature.centre, feature.radius_m, feature.depth_m)
     rings = (np.asarray(ring, "<f8") for ring in (feature.outline, *feature.holes))
     sized = b"".join(struct.pack("<cI", b"[", len(ring)) + ring.tobytes() for ring in rings)
     return head + struct.pack("<d", feature.depth_m) + sized

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from msgspec import Meta
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from twinscrew.runtime.charts.static_map import StaticMap
 from twinscrew.runtime.datum import Datum, from_datum_N
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import Count, Positive, Settings
@@ -39,41 +40,51 @@ METRES_PER_UNIT = 1e-4
 """[m] Of the integers that carry local positions (MISSION_ITEM_INT, COMMAND_INT)."""
 
 
-class Fault(Enum):
+class Fault(NamedTuple):
     """Why a place cannot be a goal: what a mission's station is answered, and plain words."""
 
-    FRAME = (mavlink.MAV_MISSION_UNSUPPORTED_FRAME, "its frame is not one that a boat can use")
-    NO_DATUM = (
-        mavlink.MAV_MISSION_UNSUPPORTED_FRAME,
-        "latitude and longitude need autopilot.datum in the boat's configuration",
-    )
-    COMMAND = (
-        mavlink.MAV_MISSION_UNSUPPORTED,
-        "only MAV_CMD_NAV_WAYPOINT and MAV_CMD_NAV_LOITER_UNLIM can be sailed",
-    )
-    HOLD = (
-        mavlink.MAV_MISSION_INVALID_PARAM1,
-        "a boat does not wait at a waypoint (param 1): MAV_CMD_NAV_LOITER_UNLIM holds a place",
-    )
-    X = (mavlink.MAV_MISSION_INVALID_PARAM5_X, "its latitude or north is not a place")
-    Y = (mavlink.MAV_MISSION_INVALID_PARAM6_Y, "its longitude or east is not a place")
-    FAR = (mavlink.MAV_MISSION_INVALID_PARAM5_X, "it is farther away than goals may be")
-
-    def __init__(self, result: int, words: str) -> None:
-        self.result = int(result)
-        """MAV_MISSION_RESULT."""
-        self.words = words
+    result: int
+    """MAV_MISSION_RESULT."""
+    words: str
 
 
-@dataclass(frozen=True, slots=True)
+BAD_FRAME = Fault(mavlink.MAV_MISSION_UNSUPPORTED_FRAME, "its frame is not one that a boat can use")
+NO_DATUM = Fault(
+    mavlink.MAV_MISSION_UNSUPPORTED_FRAME,
+    "latitude and longitude need autopilot.datum in the boat's configuration",
+)
+NOT_SAILED = Fault(
+    mavlink.MAV_MISSION_UNSUPPORTED,
+    "only MAV_CMD_NAV_WAYPOINT and MAV_CMD_NAV_LOITER_UNLIM can be sailed",
+)
+NO_WAITING = Fault(
+    mavlink.MAV_MISSION_INVALID_PARAM1,
+    "a boat does not wait at a waypoint (param 1): MAV_CMD_NAV_LOITER_UNLIM holds a place",
+)
+BAD_X = Fault(mavlink.MAV_MISSION_INVALID_PARAM5_X, "its latitude or north is not a place")
+BAD_Y = Fault(mavlink.MAV_MISSION_INVALID_PARAM6_Y, "its longitude or east is not a place")
+TOO_FAR = Fault(mavlink.MAV_MISSION_INVALID_PARAM5_X, "it is farther away than goals may be")
+
+
+@dataclass(slots=True)
 class GoalFrames:
     """What turns a station's places into goals."""
 
     datum: Datum | None
     reach_m: float
     """[m] No goal may be farther from the origin of N."""
+    chart: StaticMap = field(default_factory=StaticMap.empty)
+    """What is fixed around the boat: no goal may be where it forbids to be."""
 
     def place(self, frame: int, x: float, y: float) -> Float64 | Fault:
+        """Give north and east, (2,) [m] [N], of a goal; as `position`, and nothing forbids it."""
+        position = self.position(frame, x, y)
+        if isinstance(position, Fault):
+            return position
+        why = self.chart.why(position)
+        return Fault(mavlink.MAV_MISSION_DENIED, f"it is {why}") if why else position
+
+    def position(self, frame: int, x: float, y: float) -> Float64 | Fault:
         """Give north and east, (2,) [m] [N].
 
         Parameters
@@ -86,27 +97,32 @@ class GoalFrames:
         if frame == LOCAL:
             return self._within(np.array([x, y]))
         if frame not in ON_EARTH:
-            return Fault.FRAME
+            return BAD_FRAME
         if self.datum is None:
-            return Fault.NO_DATUM
+            return NO_DATUM
         if not abs(x) <= 90.0:
-            return Fault.X
+            return BAD_X
         if not abs(y) <= 180.0:
-            return Fault.Y
+            return BAD_Y
         return self._within(from_datum_N(self.datum, x, y)[:2])
 
     def place_of_integers(self, frame: int, x: int, y: int) -> Float64 | Fault:
-        """Give north and east of a place that came in integers."""
+        """Give north and east of a goal that came in integers."""
         unit = METRES_PER_UNIT if frame == LOCAL else DEGREES_PER_UNIT
         return self.place(frame, x * unit, y * unit)
+
+    def position_of_integers(self, frame: int, x: int, y: int) -> Float64 | Fault:
+        """Give north and east of any place that came in integers."""
+        unit = METRES_PER_UNIT if frame == LOCAL else DEGREES_PER_UNIT
+        return self.position(frame, x * unit, y * unit)
 
     def _within(self, p_N: Float64) -> Float64 | Fault:
         north, east = p_N.tolist()
         if not math.isfinite(north):
-            return Fault.X
+            return BAD_X
         if not math.isfinite(east):
-            return Fault.Y
-        return p_N if math.hypot(north, east) <= self.reach_m else Fault.FAR
+            return BAD_Y
+        return p_N if math.hypot(north, east) <= self.reach_m else TOO_FAR
 
 
 # -- What a ground station may order, and from whom orders are taken.

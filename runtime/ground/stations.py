@@ -9,13 +9,16 @@ from typing import TypeAlias
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from twinscrew.runtime.charts.static_map import StaticMap
 from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.ground.missions import MissionServer, Station
 from twinscrew.runtime.ground.orders import (
+    BAD_FRAME,
     DEGREES_PER_UNIT,
     LOCAL,
     METRES_PER_UNIT,
     ON_EARTH,
+    TOO_FAR,
     Fault,
     GoalFrames,
     GoTo,
@@ -62,16 +65,16 @@ def position_target(message: Message, frames: GoalFrames) -> GoTo | Refusal:
     station = message.get_srcSystem()
     if message.get_type() == "SET_POSITION_TARGET_GLOBAL_INT":
         if message.coordinate_frame not in ON_EARTH:
-            return f"goal refused: {Fault.FRAME.words}"
+            return f"goal refused: {BAD_FRAME.words}"
         x, y = message.lat_int * DEGREES_PER_UNIT, message.lon_int * DEGREES_PER_UNIT
         return _go(station, frames, message.coordinate_frame, x, y)
     relative = RELATIVE.get(message.coordinate_frame)
     if relative is None:
-        return f"goal refused: {Fault.FRAME.words}"
+        return f"goal refused: {BAD_FRAME.words}"
     if relative is Relative.ORIGIN:
         return _go(station, frames, LOCAL, message.x, message.y)
     if not math.hypot(message.x, message.y) <= GREATEST_RELATIVE_M:
-        return f"goal refused: {Fault.FAR.words}"
+        return f"goal refused: {TOO_FAR.words}"
     return GoTo(station, message.x, message.y, relative)
 
 
@@ -189,6 +192,15 @@ class Stations:
         self._told_s = -math.inf
         self._now_s = -math.inf
 
+    @property
+    def chart(self) -> StaticMap:
+        """What is fixed around the boat: what orders may ask for depends on it."""
+        return self._frames.chart
+
+    @chart.setter
+    def chart(self, chart: StaticMap) -> None:
+        self._frames.chart = chart
+
     def take(self, message: Message, now_s: float) -> None:
         """Take a message from anybody but the autopilot; most are not for us."""
         station = (message.get_srcSystem(), message.get_srcComponent())
@@ -283,6 +295,7 @@ def _version() -> Message:
     """Tell what we can do; our version is not an autopilot's, and is left out."""
     capabilities = (
         mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+        | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
         | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
         | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
         | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT

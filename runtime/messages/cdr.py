@@ -18,6 +18,7 @@ from twinscrew.runtime.messages.marine import (
     encode_sentence,
 )
 from twinscrew.runtime.messages.navigation import (
+    decode_chart,
     decode_clock,
     decode_enable,
     decode_engagement,
@@ -29,6 +30,7 @@ from twinscrew.runtime.messages.navigation import (
     decode_path,
     decode_station,
     decode_thrust,
+    encode_chart,
     encode_clock,
     encode_enable,
     encode_engagement,
@@ -57,6 +59,7 @@ from twinscrew.runtime.messages.visual import (
 __all__ = [
     "Shape",
     "Transform",
+    "decode_chart",
     "decode_clock",
     "decode_decision",
     "decode_diagnostics",
@@ -74,6 +77,7 @@ __all__ = [
     "decode_sentence",
     "decode_station",
     "decode_thrust",
+    "encode_chart",
     "encode_clock",
     "encode_decision",
     "encode_detections",

@@ -22,6 +22,8 @@ from twinscrew.runtime.geometry import (
 )
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
+    Chart,
+    ChartFeature,
     Engagement,
     Fallback,
     Fix,
@@ -40,7 +42,9 @@ from twinscrew.runtime.messages.wire import (
     Layout,
     Reader,
     Writer,
+    array,
     choice,
+    number,
 )
 
 # -- `std_msgs/Header` and `builtin_interfaces/Time`: what nearly every message starts with.
@@ -248,11 +252,11 @@ def encode_station(station: Station) -> bytes:
 
 def check_numbers(reader: Reader, numbers: Iterable[float]) -> None:
     """Refuse numbers that are not finite, or greater than anything on the water."""
-    for number in numbers:
-        if not math.isfinite(number):
+    for value in numbers:
+        if not math.isfinite(value):
             raise reader.fail("a number is not finite")
-        if abs(number) > GREATEST:
-            raise reader.fail(f"{number:g} cannot be: the greatest number allowed is {GREATEST:g}")
+        if abs(value) > GREATEST:
+            raise reader.fail(f"{value:g} cannot be: the greatest number allowed is {GREATEST:g}")
 
 
 def unit(reader: Reader, w: float, x: float, y: float, z: float) -> Array:
@@ -588,6 +592,48 @@ def encode_fallback(fallback: Fallback) -> bytes:
 def decode_fallback(payload: bytes | memoryview) -> Fallback:
     """Read a twinscrew_msgs/Fallback; a `MessageError` if it is none."""
     return _FALLBACK.decode(payload)
+
+
+CHART_TYPE: Final = "twinscrew_msgs/msg/Chart"
+CHART_KINDS: Final = ("land", "keep_out", "depth", "hazard", "fence")
+_SMALLEST_FEATURE: Final = 32
+"""[B] A feature without a name and without places, without padding."""
+
+
+class _Ring(NamedTuple):
+    places: Float64
+
+
+_RINGS: Final = Layout(_Ring, places=array(np.float64, 2)).sequence(4)
+_CHART: Final = Layout(
+    Chart,
+    CHART_TYPE,
+    stamp_ns=STAMP,
+    safety_depth_m=number("d"),
+    features=Layout(
+        ChartFeature,
+        kind=choice(CHART_KINDS, "kind of feature"),
+        keep_in=FLAG,
+        depth_m=number("d"),
+        radius_m=number("d"),
+        name=STRING,
+        outline_N=array(np.float64, 2),
+        holes_N=Kind(
+            lambda reader: tuple(ring.places for ring in _RINGS.read(reader)),
+            lambda writer, holes: _RINGS.write(writer, [_Ring(hole) for hole in holes]),
+        ),
+    ).sequence(_SMALLEST_FEATURE),
+)
+
+
+def encode_chart(chart: Chart) -> bytes:
+    """Write a twinscrew_msgs/Chart."""
+    return _CHART.encode(chart)
+
+
+def decode_chart(payload: bytes | memoryview) -> Chart:
+    """Read a twinscrew_msgs/Chart; a `MessageError` if it is none."""
+    return _CHART.decode(payload)
 
 
 def encode_enable(enable: bool) -> bytes:

@@ -14,6 +14,7 @@ from twinscrew.runtime.errors import BusError, MessageError, one_of
 from twinscrew.runtime.messages import marine
 from twinscrew.runtime.messages.decision import DECISION_TYPE, EXPLANATION_TYPE
 from twinscrew.runtime.messages.navigation import (
+    CHART_TYPE,
     CLOCK_TYPE,
     ENABLE_TYPE,
     ENGAGEMENT_TYPE,
@@ -54,6 +55,30 @@ uint8 HAND_OVER=4
 builtin_interfaces/Time stamp
 uint8 response
 string reason
+""",
+    "twinscrew_msgs/msg/Ring": """
+float64[] places # M times north, east [m]
+""",
+    "twinscrew_msgs/msg/ChartFeature": """
+# An area or a circle in which, or outside of which, a boat must not be.
+uint8 LAND=0
+uint8 KEEP_OUT=1
+uint8 DEPTH=2
+uint8 HAZARD=3
+uint8 FENCE=4
+uint8 kind
+bool keep_in      # an inclusion fence: forbidden outside
+float64 depth_m   # least depth, for DEPTH; -inf: not known
+float64 radius_m  # of a circle; 0: an area
+string name
+float64[] outline # M times north, east [m]; a circle: its centre
+twinscrew_msgs/Ring[] holes
+""",
+    "twinscrew_msgs/msg/Chart": """
+# All that is fixed around the boat. Frame: local north, east.
+builtin_interfaces/Time stamp
+float64 safety_depth_m # water of less depth is forbidden
+twinscrew_msgs/ChartFeature[] features
 """,
     "twinscrew_msgs/msg/HealthEvent": """
 uint8 INFO=0
@@ -156,6 +181,9 @@ SMALL_B: Final = 16_384
 ROUTE_B: Final = 2_000_000
 """[B] The most of a route: 4096 places, each with a frame of 255 letters, have 1.4 MB."""
 
+CHART_B: Final = 8_000_000
+"""[B] The most of a chart: 50 000 features of a vertex and a name of 60 letters have 6 MB."""
+
 KeyFormat: TypeAlias = Literal["ros2dds", "rmw_zenoh", "rmw_zenoh_humble"]
 KEY_FORMATS: Final[tuple[KeyFormat, ...]] = ("ros2dds", "rmw_zenoh", "rmw_zenoh_humble")
 NO_HASH: Final = "TypeHashNotSupported"
@@ -236,6 +264,7 @@ _TABLE: Final = (
           depth=8, largest_b=SMALL_B, core=True),
     Topic("fallback", "fallback", FALLBACK_TYPE, OUT, STATUS,
           depth=8, largest_b=SMALL_B, core=True),
+    Topic("chart", "chart", CHART_TYPE, OUT, STATUS, largest_b=CHART_B, core=True),
     Topic("nmea", "sensors/nmea/sentence", marine.SENTENCE_TYPE, IN, COMMAND,
           depth=512, largest_b=1024, core=True),
     Topic("radar", "sensors/radar/scan", marine.RADAR_TYPE, IN, SENSOR,
@@ -257,6 +286,7 @@ _TABLE: Final = (
     Topic("ais_targets", "ais/targets", marine.DETECTIONS_TYPE, OUT, STATUS, rate_hz=1.0),
     Topic("situation", "situation", MARKERS_TYPE, OUT, STATUS, rate_hz=2.0),
     Topic("path", "path", PATH_TYPE, OUT, STATUS, rate_hz=1.0),
+    Topic("planned_route", "planned_route", PATH_TYPE, OUT, STATUS, rate_hz=1.0),
     Topic("transforms", "/tf", TRANSFORMS_TYPE, OUT, STATUS, rate_hz=20.0),
     Topic("static_transforms", "/tf_static", TRANSFORMS_TYPE, OUT, STATUS,
           rate_hz=1.0, durable=True),

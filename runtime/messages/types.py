@@ -163,6 +163,38 @@ class Fallback:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ChartFeature:
+    """Something fixed: an area, or a circle."""
+
+    kind: str
+    """"land", "keep_out", "depth", "hazard" or "fence"."""
+    keep_in: bool
+    """True for an inclusion fence: it is forbidden outside."""
+    depth_m: float
+    """[m] The least depth of water, for "depth"; negative where it dries, -inf: not known."""
+    radius_m: float
+    """[m] Of a circle; 0 for an area."""
+    name: str
+    """What people call it."""
+    outline_N: Float64
+    """[m] [N] (M, 2) Vertices, or the circle's centre alone."""
+    holes_N: tuple[Float64, ...] = ()
+    """[m] [N] each (M, 2)"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chart:
+    """What is fixed around the boat, all of it."""
+
+    stamp_ns: int
+    """[ns] When it changed."""
+    safety_depth_m: float
+    """[m] Water of less depth is forbidden."""
+    features: tuple[ChartFeature, ...]
+    """In the order in which they came."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Strips:
     """What single rows of beams see of the objects without a break, from end to end.
 
@@ -259,6 +291,31 @@ class Tracks:
     """(K,) What the vessel calls itself, as "257123450 NORDLYS"; "" where it has not said so. None:
     no track has a name."""
 
+    def only(self, rows: NDArray[np.bool_]) -> Tracks:
+        """Give those of the tracks of which a row (K,) is true."""
+        optional = {
+            key: None if values is None else values[rows]
+            for key, values in (
+                ("half_length", self.half_length),
+                ("half_beam", self.half_beam),
+                ("heading", self.heading),
+            )
+        }
+        names = None
+        if self.name is not None:
+            names = tuple(name for name, kept in zip(self.name, rows, strict=True) if kept)
+        return Tracks(
+            stamp_ns=self.stamp_ns,
+            id=self.id[rows],
+            p_N=self.p_N[rows],
+            v_N=self.v_N[rows],
+            radius=self.radius[rows],
+            covariance=self.covariance[rows],
+            age_s=self.age_s[rows],
+            name=names,
+            **optional,
+        )
+
 
 OBSERVED_OBJECTS = 5
 """How many objects a policy sees (paper, sec. IV; parameters.md: at most 5, nearest first)."""
@@ -280,6 +337,9 @@ class Observation:
     hull: Float32 | None = None
     """(10,) The own hull, as `policy.hull_units.HULL_COLUMNS` says. None: the policy is told
     nothing of it, or it is not known here."""
+    contour: Float32 | None = None
+    """(32,) [m] How far off the nearest edge of what is fixed is in each sector, clockwise from
+    straight ahead (`charts.contour`). None: the policy takes none."""
 
 
 class Severity(Enum):

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from twinscrew.runtime.charts.contour import SECTORS
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
 from twinscrew.runtime.policy.hull_units import HULL_COLUMNS
@@ -20,7 +21,9 @@ Text = Annotated[str, Meta(min_length=1)]
 
 EXTENDED_INPUTS = ("outlines", "hull")
 """Beside the paper's: what the objects are shaped like, and what the own hull is."""
-OPTIONAL_INPUTS = ("risk", *EXTENDED_INPUTS)
+CONTOUR_INPUT = "contour"
+"""How far off the nearest edge of what is fixed is, sector by sector (`charts.contour`)."""
+OPTIONAL_INPUTS = ("risk", *EXTENDED_INPUTS, CONTOUR_INPUT)
 MOST_OBJECTS = 32
 
 
@@ -36,6 +39,7 @@ def input_shapes(objects: int = OBSERVED_OBJECTS) -> dict[str, tuple[int, ...]]:
         "risk": (1,),
         "outlines": (objects, 3),
         "hull": (len(HULL_COLUMNS),),
+        CONTOUR_INPUT: (SECTORS,),
     }
 
 
@@ -80,6 +84,11 @@ class PolicyMetadata(msgspec.Struct, frozen=True, kw_only=True):
     def extended(self) -> bool:
         """Whether it takes the objects' outlines and the own hull's description."""
         return all(name in json.loads(self.inputs) for name in EXTENDED_INPUTS)
+
+    @property
+    def contour(self) -> bool:
+        """Whether it takes the contour of what is fixed."""
+        return CONTOUR_INPUT in json.loads(self.inputs)
 
 
 class PolicyExpectation(Settings, frozen=True, kw_only=True):

@@ -1,4 +1,7 @@
-"""What a policy sees: the ego state and the nearest objects in the vessel's levelled frame.
+"""What a policy sees: the ego state, the nearest objects and the edges of what is fixed.
+
+All in the vessel's levelled frame. What is fixed (land, keep-out areas, fences) is seen by a policy
+that takes a contour; standing objects that are a part of it are then no objects of their own.
 
 Frame L is B levelled: x forward and y starboard in the horizontal plane, turned by the heading
 alone, so that roll and pitch in the waves do not shift what is 15 m away.
@@ -9,11 +12,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from twinscrew.runtime.charts.contour import SECTORS, contour_of
+from twinscrew.runtime.charts.static_map import StaticMap
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.geometry import rotation_2d, rotation_from_quaternion
 from twinscrew.runtime.messages.types import (
     OBSERVED_OBJECTS,
+    Float32,
     Float64,
     Goal,
     Observation,
@@ -35,6 +42,9 @@ class ObservationSettings(Settings, frozen=True, kw_only=True):
     training were nearer, and beyond what was learnt policies no longer heed what is near."""
     own_radius_m: NonNegative = load_vessel().radius_m
     """[m] Radius of the own hull, half its diagonal."""
+    charted_m: NonNegative = 1.0
+    """[m] A standing object whose centre is within this of something fixed is a part of it, and is
+    seen by the contour alone, where the policy takes one."""
 
 
 DEFAULTS = ObservationSettings()
@@ -49,9 +59,13 @@ class Shown(NamedTuple):
     """Whether it is shown their outlines."""
     range_m: float = 20.0
     """[m] Farther than this it is shown none, however far the vessel sees (paper, sec. III)."""
+    contour_m: float | None = None
+    """[m] How far it is shown the edges of what is fixed; None: it is shown none."""
 
 
 PAPER = Shown()
+STANDING_MPS = 0.5
+"""[m/s] What is slower stands: also a wall whose pieces seem to move a little."""
 
 
 def observe(
@@ -61,6 +75,7 @@ def observe(
     thrust: Float64,
     settings: ObservationSettings = DEFAULTS,
     shown: Shown = PAPER,
+    fixed: StaticMap | None = None,
 ) -> Observation:
     """Say what the vessel knows in the frame its policy was trained in.
 
@@ -78,6 +93,8 @@ def observe(
         Which objects are seen.
     shown
         What the policy takes.
+    fixed
+        What is fixed around the vessel; None: nothing is known of it.
 
     Returns
     -------
@@ -95,9 +112,14 @@ def observe(
     objects = np.zeros((shown.objects, 5), dtype=np.float32)
     mask = np.zeros(shown.objects, dtype=np.float32)
     outlines = np.zeros((shown.objects, 3), dtype=np.float32) if shown.outlines else None
+    contour = None
+    if shown.contour_m is not None:
+        contour = _contour(fixed, odometry, shown.contour_m)
     if tracks.id.size:
         p_L = (tracks.p_N - odometry.position_N[:2]) @ R_NL
-        nearest = nearest_objects(p_L, tracks.radius, settings, shown)
+        nearest = nearest_objects(
+            p_L, tracks.radius, settings, shown, _apart(tracks, fixed, settings, shown)
+        )
         count = nearest.size
         objects[:count, :2] = p_L[nearest]
         objects[:count, 2:4] = tracks.v_N[nearest] @ R_NL
@@ -105,7 +127,7 @@ def observe(
         mask[:count] = 1.0
         if outlines is not None and tracks.half_length is not None:
             outlines[:count] = _outlines(tracks, odometry.heading)[nearest]
-    return Observation(ego=ego, objects=objects, mask=mask, outlines=outlines)
+    return Observation(ego=ego, objects=objects, mask=mask, outlines=outlines, contour=contour)
 
 
 def nothing_seen(shown: Shown = PAPER) -> Observation:
@@ -116,7 +138,31 @@ def nothing_seen(shown: Shown = PAPER) -> Observation:
         objects=np.zeros((k, 5), dtype=np.float32),
         mask=np.zeros(k, dtype=np.float32),
         outlines=np.zeros((k, 3), dtype=np.float32) if shown.outlines else None,
+        contour=None if shown.contour_m is None else _far(shown.contour_m),
     )
+
+
+def _far(range_m: float) -> Float32:
+    return np.full(SECTORS, range_m, dtype=np.float32)
+
+
+def _contour(fixed: StaticMap | None, odometry: Odometry, range_m: float) -> Float32:
+    """Give how far off the nearest edge is, (32,) [m]; 0 where the vessel may not be."""
+    if fixed is None or fixed.is_empty:
+        return _far(range_m)
+    place = odometry.position_N[:2]
+    inside = bool(fixed.forbidden(place[None])[0])
+    return contour_of(fixed.near(place, range_m), place, odometry.heading, range_m, inside=inside)
+
+
+def _apart(
+    tracks: Tracks, fixed: StaticMap | None, settings: ObservationSettings, shown: Shown
+) -> NDArray[np.bool_] | None:
+    """Tell which tracks are objects of their own; None: all are."""
+    if shown.contour_m is None or fixed is None or fixed.is_empty:
+        return None
+    moving = np.hypot(tracks.v_N[:, 0], tracks.v_N[:, 1]) >= STANDING_MPS
+    return np.asarray(moving | (fixed.distance_m(tracks.p_N) > settings.charted_m))
 
 
 def _outlines(tracks: Tracks, heading: float) -> Float64:
@@ -146,6 +192,7 @@ def nearest_objects(
     radius: Float64,
     settings: ObservationSettings = DEFAULTS,
     shown: Shown = PAPER,
+    among: NDArray[np.bool_] | None = None,
 ) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
     """Give the indices of the objects to see, nearest surface first, at most as many as are shown.
 
@@ -159,16 +206,21 @@ def nearest_objects(
         Range and own radius.
     shown
         What the policy takes.
+    among : (K,) bool
+        Which of them are objects at all; None: all.
     """
     surface = np.hypot(p_L[:, 0], p_L[:, 1]) - radius - settings.own_radius_m
     order = np.argsort(surface, kind="stable")
     range_m = min(settings.perception_range_m, shown.range_m)
     seen = surface[order] + settings.own_radius_m <= range_m
+    if among is not None:
+        seen &= among[order]
     return order[seen][: shown.objects]
 
 
 def require_finite(observation: Observation) -> None:
     """Raise a `PolicyError` if what was seen is not finite."""
-    parts = (observation.ego, observation.objects, observation.outlines)
+    o = observation
+    parts = (o.ego, o.objects, o.outlines, o.contour)
     if not all(np.isfinite(part).all() for part in parts if part is not None):
         raise PolicyError("the observation is not finite")

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from twinscrew.runtime.charts.contour import CONTOUR_RANGE_M
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.files import read_file
 from twinscrew.runtime.messages.types import Float32, Float64, Observation
 from twinscrew.runtime.policy.metadata import (
+    CONTOUR_INPUT,
     EXTENDED_INPUTS,
     OPTIONAL_INPUTS,
     OUTPUT_NAME,
@@ -87,7 +89,8 @@ class OnnxPolicy:
     def shown(self) -> Shown:
         """What it takes."""
         m = self.metadata
-        return Shown(m.observed_objects, m.extended, m.perception_range_m)
+        contour_m = CONTOUR_RANGE_M if m.contour else None
+        return Shown(m.observed_objects, m.extended, m.perception_range_m, contour_m)
 
     def act(self, observation: Observation) -> Float64:
         """Give the thrust rates, (2,) [N/s], clipped to what the policy was trained with.
@@ -102,7 +105,8 @@ class OnnxPolicy:
         self._feed["ego"][0] = observation.ego
         self._feed["objects"][0] = observation.objects
         self._feed["mask"][0] = observation.mask
-        for name in EXTENDED_INPUTS:  # a file's own defaults are circles, seen by the default hull
+        # A file's own defaults are circles, seen by the default hull, and nothing that is fixed.
+        for name in (*EXTENDED_INPUTS, CONTOUR_INPUT):
             told = getattr(observation, name)
             if name in self._inputs and told is not None:
                 self._feed[name] = told[None]

@@ -89,6 +89,22 @@ GOAL_SET = _info("goal_set", "A new goal was accepted.")
 GOAL_FRAME = _warning(
     "goal_frame", "A goal is in a frame whose place is not known: it is not taken."
 )
+GOAL_FORBIDDEN = _warning(
+    "goal_forbidden",
+    "A goal is on land, in water too shallow, or beyond a fence: it is not taken, or taken back.",
+)
+CHART_CHANGED = _info("chart_changed", "What is fixed around the boat is known anew: its features.")
+PLACE_FORBIDDEN = _warning(
+    "place_forbidden", "The boat is where the chart or a fence forbids it to be; told at entry."
+)
+PLACE_ALLOWED = _info("place_allowed", "The boat is where it may be again.")
+FENCES_REFUSED = _warning(
+    "fences_refused", "Fences that came cannot be honoured: those before them stay."
+)
+ROUTE_FOUND = _info(
+    "route_found", "A way around what is fixed leads to the goal: its length, its legs."
+)
+ROUTE_MISSING = _warning("route_missing", "No way leads to the goal: the boat holds its place.")
 WAYPOINT_REACHED = _info("waypoint_reached", "A waypoint is reached; the next one is the goal.")
 GOAL_REACHED = _info("goal_reached", "The last goal is reached: neutral thrust.")
 STATION_SET = _info("station_set", "A place to hold was accepted.")

@@ -13,11 +13,10 @@ from pathlib import Path
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.files import read_file, require_unwritable
 from twinscrew.runtime.integrity.manifest import Manifest, read_manifest
+from twinscrew.runtime.policy.load import PLANNERS
 from twinscrew.runtime.settings import MOST_BYTES, parse, shipped
 from twinscrew.runtime.vessel.config import RuntimeConfig
 from twinscrew.runtime.vessel_description import DEFAULT
-
-BASELINES = ("apf", "mpc")
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +122,8 @@ def files_of(source: Path, config: RuntimeConfig) -> list[Path]:
     files.append(shipped("autopilot", "ardurover", ".parm"))
     if config.bus.config_file is not None:
         files.append(Path(config.bus.config_file))
+    if config.chart.file:
+        files.append(Path(config.chart.file))
     return files
 
 
@@ -134,7 +135,7 @@ def _read(path: Path) -> bytes:
 
 
 def _policy(spec: str) -> Path:
-    if spec in BASELINES:
+    if spec in PLANNERS:
         return shipped("policies", spec)
     return shipped("policies", spec, ".onnx")
 

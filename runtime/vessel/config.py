@@ -13,6 +13,9 @@ from msgspec import Meta
 from msgspec.structs import replace
 
 from twinscrew.runtime.bus.zenoh import ZenohSettings
+from twinscrew.runtime.charts.chart import ChartSettings
+from twinscrew.runtime.charts.learnt import LearntSettings
+from twinscrew.runtime.charts.route import RouteSettings
 from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.estimation.estimator import EstimationSettings
@@ -69,7 +72,7 @@ class RuntimeConfig(Settings, frozen=True):
     """Where the LiDAR sits, x_m, y_m, z_m (forward, port, up from the vessel's origin) and
     roll_rad, pitch_rad, yaw_rad; none takes the sensor's own description's."""
     policy: str = "ac_iqn"
-    """A name in config/policies, an ONNX file, "apf" or "mpc"."""
+    """A name in config/policies, an ONNX file, "apf", "mpc", "orca" or "sbmpc"."""
     risk: RiskSettings = RiskSettings()
     odometry_source: Literal["bus", "autopilot", "gps_imu"] = "bus"
     """Where odometry comes from: the `odometry` topic, the autopilot's own estimate, or a filter
@@ -94,6 +97,9 @@ class RuntimeConfig(Settings, frozen=True):
     estimation: EstimationSettings = EstimationSettings()
     bus: ZenohSettings = ZenohSettings()
     autopilot: AutopilotSettings = AutopilotSettings()
+    chart: ChartSettings = ChartSettings()
+    route: RouteSettings = RouteSettings()
+    learnt: LearntSettings = LearntSettings()
     ground: GroundSettings = GroundSettings()
     priority: PrioritySettings = PrioritySettings()
     recording: RecordingSettings = RecordingSettings()
@@ -112,6 +118,8 @@ class RuntimeConfig(Settings, frozen=True):
             raise ValueError("ground.vessels_hz needs autopilot.datum: vessels lie on the earth")
         if self.senses.ais is not None and datum_of(self) is None:
             raise ValueError("senses.ais needs a datum: [senses.ais], [autopilot] or [estimation]")
+        if self.chart.file and datum_of(self) is None:
+            raise ValueError("chart.file needs [autopilot.datum]: it lies on the earth")
         if self.senses.nmea.connections and "nmea" not in sense_topics(self.senses):
             raise ValueError("senses.nmea.connections needs [senses.ais] or [senses.ttm]")
 

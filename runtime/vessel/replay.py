@@ -144,7 +144,9 @@ def _settings_of(recording: Recording, config: Path | None, policy: str | None) 
 
 def _vessel_of(recording: Recording, settings: RuntimeConfig, *, checked: bool) -> Vessel:
     """Make the vessel; if `checked`, only with the very policy of the recording."""
-    vessel = vessel_for_replay(settings, has_odometry=recording.has("odometry"))
+    vessel = vessel_for_replay(
+        settings, has_odometry=recording.has("odometry"), has_chart=recording.has("chart")
+    )
     expected = recording.metadata.get("policy_sha256", "")
     found = getattr(vessel.pipeline.policy, "sha256", "")
     if checked and expected and found != expected:

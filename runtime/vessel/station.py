@@ -17,7 +17,6 @@ from enum import Enum
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from twinscrew.runtime.geometry import rotation_2d, wrap
 from twinscrew.runtime.messages.types import (
@@ -30,6 +29,7 @@ from twinscrew.runtime.messages.types import (
     Tracks,
 )
 from twinscrew.runtime.policy.observation import levelled_twist
+from twinscrew.runtime.safety.assurance import FACE_M
 from twinscrew.runtime.safety.events import (
     BERTH_ABORTED,
     BERTH_APPROACH,
@@ -95,8 +95,6 @@ AGAIN_M: Final = 1.2
 """[m] After a landing that ended short it takes the way in from so far before its end again."""
 STILL_MPS: Final = 0.4
 """[m/s] Slower tracks stand still: on the face they are the face."""
-FACE_M: Final = 0.5
-"""[m] Before the face, and beyond its ends, so much still counts as the face."""
 CLEAR_M: Final = 0.35
 """[m] A boat that does not yet lie along the face comes no nearer."""
 LAND_S: Final = 12.0
@@ -394,29 +392,6 @@ class Keeper:
 # -- Berthing: a way in that ends alongside, foreseen before it is begun.
 
 
-def some_of(tracks: Tracks, keep: NDArray[np.bool_]) -> Tracks:
-    """Give some rows of tracks."""
-    if keep.all():
-        return tracks
-    rows = {
-        name: None if getattr(tracks, name) is None else getattr(tracks, name)[keep]
-        for name in (
-            "id",
-            "p_N",
-            "v_N",
-            "radius",
-            "covariance",
-            "age_s",
-            "half_length",
-            "half_beam",
-            "heading",
-        )
-    }
-    name = tracks.name
-    kept = None if name is None else tuple(n for n, k in zip(name, keep, strict=True) if k)
-    return Tracks(stamp_ns=tracks.stamp_ns, name=kept, **rows)
-
-
 class Phase(Enum):
     """What a boat does that is to lie at a berth."""
 
@@ -665,7 +640,7 @@ class Berthing:
         still = np.hypot(tracks.v_N[:, 0], tracks.v_N[:, 1]) < STILL_MPS
         along = np.abs(places[:, 0]) <= 0.5 * self.face.length_m + FACE_M
         keep = ~(still & along & (places[:, 1] >= -FACE_M))
-        return some_of(tracks, keep)
+        return tracks if keep.all() else tracks.only(keep)
 
     def interrupt(self, stamp_ns: int, why: str) -> tuple[HealthEvent, ...]:
         """Break off a way in, if there is one."""

@@ -8,16 +8,25 @@ time, and `replay` feeds it what a recording took in: to the same decisions.
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
 from msgspec import structs
 
 from twinscrew.runtime.bus.base import Received
-from twinscrew.runtime.errors import MessageError
+from twinscrew.runtime.charts.chart import (
+    ChartSettings,
+    as_map,
+    as_message,
+    read_chart,
+    safety_depth_m,
+)
+from twinscrew.runtime.charts.static_map import Feature, StaticMap
+from twinscrew.runtime.errors import ConfigError, MessageError
 from twinscrew.runtime.estimation.estimator import Estimator
 from twinscrew.runtime.ground.report import GroundReport
 from twinscrew.runtime.ground.service import GroundService
@@ -52,19 +61,32 @@ from twinscrew.runtime.safety.envelope import (
 )
 from twinscrew.runtime.safety.events import (
     BAD_MESSAGE,
+    CHART_CHANGED,
+    FENCES_REFUSED,
+    GOAL_FORBIDDEN,
     GOAL_FRAME,
     INTERNAL_ERROR,
     KINDS,
+    PLACE_ALLOWED,
+    PLACE_FORBIDDEN,
     STATION_REFUSED,
 )
 from twinscrew.runtime.safety.explain import assurance_manoeuvre, explain
 from twinscrew.runtime.safety.guard import NEUTRAL, Guard, ThrustLimits, Watchdog
-from twinscrew.runtime.vessel.config import SENSED, RuntimeConfig, autopilot_of, sensor_of
+from twinscrew.runtime.vessel.config import (
+    SENSED,
+    RuntimeConfig,
+    autopilot_of,
+    datum_of,
+    sensor_of,
+)
 from twinscrew.runtime.vessel.frames import FrameError, Frames
 from twinscrew.runtime.vessel.health import Facts, Health, State
 from twinscrew.runtime.vessel.inputs import Alignment, Inputs, OdometryBufferSettings, Verdict
 from twinscrew.runtime.vessel.outputs import Outputs, Taken
 from twinscrew.runtime.vessel.pipeline import Pipeline, SpeedLimit, make_pipeline
+from twinscrew.runtime.vessel.station import Berthing
+from twinscrew.runtime.vessel_description import load_vessel
 
 LATENESS_KEPT_S = 2.0
 """[s] The latest decision or tick of this time counts."""
@@ -111,6 +133,10 @@ class Vessel:
         What the boat was proved for; None: nothing is watched.
     slow
         How fast "slow" is.
+    chart
+        What is fixed around the boat; None: nothing is known.
+    follows_fences
+        Whether the fences that the autopilot holds count.
     """
 
     def __init__(
@@ -127,6 +153,8 @@ class Vessel:
         looks_first: bool = True,
         envelope: Envelope | None = None,
         slow: SpeedLimit | None = None,
+        chart: StaticMap | None = None,
+        follows_fences: bool = True,
     ) -> None:
         self.pipeline = pipeline
         self.link = link
@@ -138,6 +166,15 @@ class Vessel:
         """The last one."""
         self.engaged = False
         """Whether the pipeline's thrust goes to the propellers."""
+        self.chart = StaticMap.empty()
+        """What is fixed around the boat: chart and fences. Replaced as a whole when they change."""
+        self._charted = chart or StaticMap.empty()
+        self._next_chart = None if self._charted.is_empty else self._charted
+        self._fences: dict[str, tuple[Feature, ...]] = {}
+        self._follows_fences = follows_fences
+        self._is_forbidden = False
+        if link.stations is not None:
+            link.stations.server.fence.honour = partial(self.fence, "station")
         self._alignment = alignment
         self._estimator = estimator
         self._ground = GroundService(
@@ -160,6 +197,7 @@ class Vessel:
             "berth": self._berth,
             "engagement": self._engagement,
             "fallback": self._fallback,
+            "chart": self._chart,
             "gps": self._fix,
             "imu": self._imu,
             **dict.fromkeys(pipeline.senses.by_topic, self._sensed),
@@ -210,8 +248,7 @@ class Vessel:
         It never raises on the message's content. A fault of the runtime itself is an
         `internal_error`, after which the surroundings are forgotten: the next scan starts afresh.
         """
-        out = Outputs()
-        self._look(now_s)
+        out = self._begin(now_s)
         self._take(Taken(message.topic, message.payload), out, now_s)
         if out.decision is not None or message.topic in self.link.topics:
             self._command(out, now_s)
@@ -219,8 +256,7 @@ class Vessel:
 
     def receive(self, data: bytes, now_s: float) -> Outputs:
         """Take in bytes of the autopilot, which may hold odometry and orders of ground stations."""
-        out = Outputs()
-        self._look(now_s)
+        out = self._begin(now_s)
         if data:
             self.link.receive(data, now_s)
         outputs = self.link.take_outputs()
@@ -234,6 +270,11 @@ class Vessel:
                 if stamp_ns is not None:
                     aligned = replace(odometry, stamp_ns=stamp_ns)
                     self._own_odometry(aligned, out, now_s)
+        fences = self.link.take_fences()
+        if fences is not None and self._follows_fences:
+            words = fences if isinstance(fences, str) else self.fence("autopilot", fences)
+            if words:
+                self._tell(out, now_s, FENCES_REFUSED.at(self.stamp_ns, words))
         for age_s, text in self.link.take_ais():
             if "nmea" in self._handlers and self.inputs.latest_ns:
                 stamp_ns = self.inputs.latest_ns - round(age_s * NANOSECONDS_PER_SECOND)
@@ -242,16 +283,14 @@ class Vessel:
 
     def hear(self, sentence: str, now_s: float) -> Outputs:
         """Take in a sentence of NMEA 0183 that came by itself, not as a message."""
-        out = Outputs()
-        self._look(now_s)
+        out = self._begin(now_s)
         if self.inputs.latest_ns:  # before the first odometry nobody knows when that was
             self._own_sentence(sentence, self.inputs.latest_ns, out, now_s)
         return out
 
     def tick(self, now_s: float) -> Outputs:
         """Look at the inputs' ages and the autopilot, serve ground stations, command the thrust."""
-        out = Outputs()
-        self._look(now_s)
+        out = self._begin(now_s)
         stamp_ns = self.inputs.latest_ns
         link_events = (replace(event, stamp_ns=stamp_ns) for event in self.link.events(now_s))
         out.events += (*self._watchdog.check(now_s, stamp_ns), *link_events)
@@ -347,7 +386,11 @@ class Vessel:
         decision, fault = self.pipeline.step(cloud, verdict.odometry, engaged=self.engaged)
         self.decision = out.decision = decision
         out.goals_N = self.pipeline.mission.ahead_N
+        ahead_N = self.pipeline.guidance.ahead_N
+        here_N = verdict.odometry.position_N[None, :2]
+        out.route_N = np.concatenate([here_N, ahead_N]) if len(ahead_N) else ahead_N
         self._fault = fault is not None
+        self._watch_place(out, now_s)
         self._has_looked = self._has_looked or self.pipeline.knows_surroundings
         senses = self.pipeline.senses
         if senses.by_topic and abs(cloud.stamp_ns - self._targets_ns) >= NANOSECONDS_PER_SECOND:
@@ -449,6 +492,10 @@ class Vessel:
             except FrameError as error:
                 self._tell(out, now_s, GOAL_FRAME.at(self.stamp_ns, str(error)))
                 return
+            why = self._why_not(self._to_be_free(order.kind, places_N))
+            if why:
+                self._tell(out, now_s, GOAL_FORBIDDEN.at(self.stamp_ns, f"not taken: {why}"))
+                return
         stamp_ns = order.stamp_ns or self.stamp_ns
         if order.kind == "route":
             self._tell(out, now_s, mission.set_route(places_N, stamp_ns))
@@ -470,6 +517,8 @@ class Vessel:
             self._tell(out, now_s, nowhere)
         if order is not None and not placed:
             self._order(order, out, now_s)
+        elif order is not None:
+            self._take_back(out, now_s)
 
     def _odometry_at(self, stamp_ns: int) -> Odometry | None:
         return self.inputs.at(stamp_ns) if stamp_ns else self.inputs.newest
@@ -494,6 +543,89 @@ class Vessel:
         # Without a goal the boat lies still, and the sticks are perhaps a pilot's: so it stays.
         if response is Response.HOLD and mission.target is not None and self.inputs.newest:
             mission.hold(self.inputs.newest)
+
+    # -- What is fixed around the boat.
+
+    def fence(self, source: str, fences: tuple[Feature, ...]) -> str:
+        """Replace the fences of one source, "autopilot" or "station", from the next input on.
+
+        Returns
+        -------
+        str
+            Why they cannot be honoured, in plain words; then those before them stay. Empty if they
+            are.
+        """
+        others = {**self._fences, source: fences}
+        features = (*self._charted.features, *(f for name in sorted(others) for f in others[name]))
+        try:
+            chart = StaticMap.of(features, safety_depth_m=self._charted.safety_depth_m)
+        except ConfigError as error:
+            return str(error)
+        if not chart.leaves_water:
+            return "together with the other fences and the chart they leave no water"
+        self._fences = others
+        if chart.version != (self._next_chart or self.chart).version:
+            self._next_chart = chart
+        return ""
+
+    def _chart(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        """Take a map in place of the one before; goals that it forbids are taken back."""
+        known = taken.message
+        chart = known if isinstance(known, StaticMap) else as_map(cdr.decode_chart(taken.payload))
+        self.chart = self.pipeline.chart = chart
+        counts = Counter(feature.kind for feature in chart.features)
+        words = ", ".join(f"{count} {kind}" for kind, count in sorted(counts.items())) or "nothing"
+        self._tell(out, now_s, CHART_CHANGED.at(self.stamp_ns, words))
+        if self.link.stations is not None:
+            self.link.stations.chart = chart
+        self._take_back(out, now_s)
+        self._is_forbidden = False
+        self._watch_place(out, now_s)
+
+    def _take_back(self, out: Outputs, now_s: float) -> None:
+        """Take back all goals if one of them is forbidden."""
+        mission = self.pipeline.mission
+        why = self._why_not(mission.ahead_N)
+        if why:
+            nowhere = mission.set_route(np.empty((0, 2)), self.stamp_ns)
+            taken_back = GOAL_FORBIDDEN.at(self.stamp_ns, f"taken back: {why}")
+            self._tell(out, now_s, taken_back, nowhere)
+
+    def _watch_place(self, out: Outputs, now_s: float) -> None:
+        """Say when the boat comes to where it may not be, and when it has left it."""
+        odometry = self.inputs.newest
+        if self.chart.is_empty or odometry is None:
+            return
+        why = self.chart.why(odometry.position_N[:2])
+        if bool(why) == self._is_forbidden:
+            return
+        self._is_forbidden = bool(why)
+        kind = PLACE_FORBIDDEN if why else PLACE_ALLOWED
+        north, east = odometry.position_N[:2].tolist()
+        where = f"north {north:.1f} m, east {east:.1f} m"
+        self._tell(out, now_s, kind.at(self.stamp_ns, f"{where}: {why}" if why else where))
+
+    def _to_be_free(self, kind: str, places_N: Float64) -> Float64:
+        """Give the places, (K, 2) [m] [N], of an order at which the boat has to be able to be."""
+        if kind == "hold":
+            return places_N[:1]  # the second says where the bow is to point
+        keeper, odometry = self.pipeline.keeper, self.inputs.newest
+        if kind != "berth":
+            return places_N
+        if keeper is None or odometry is None:
+            return places_N[:0]  # its ends lie on the water's edge
+        berth = Berth(stamp_ns=0, face_N=places_N)
+        return Berthing(keeper, berth, odometry.position_N[:2]).line_up_N.reshape(1, 2)
+
+    def _why_not(self, places_N: Float64) -> str:
+        """Say which of some places, (K, 2) [m] [N], is forbidden and why; empty if none is."""
+        for number, place in enumerate(places_N, start=1):
+            why = self.chart.why(place)
+            if why:
+                north, east = place[:2].tolist()
+                which = f"goal {number} of {len(places_N)}" if len(places_N) > 1 else "the goal"
+                return f"{which}, north {north:.1f} m, east {east:.1f} m, is {why}"
+        return ""
 
     # -- One tick.
 
@@ -545,8 +677,20 @@ class Vessel:
             known["drift_share"] = assurance.disturbance_n / (2.0 * assurance.limits.max_n)
         return known
 
+    def _begin(self, now_s: float) -> Outputs:
+        """Look at the inputs' ages: the first thing that is done, however long nothing was.
+
+        A map that has changed is an input of the decisions like any other, so it is recorded.
+        """
+        out = Outputs()
+        self._look(now_s)
+        chart, self._next_chart = self._next_chart, None
+        if chart is not None:
+            payload = cdr.encode_chart(as_message(chart, self.stamp_ns))
+            self._take(Taken("chart", payload, chart, made_here=True), out, now_s)
+        return out
+
     def _look(self, now_s: float) -> None:
-        """Look at the inputs' ages: the first thing that is done, however long nothing was."""
         self._now_s = now_s
         self._watchdog.awake(now_s)
         self._inputs_too_old = self._watchdog.too_old(now_s)
@@ -620,8 +764,11 @@ def make_vessel(
         Something configured does not exist or cannot be used: before anything moves.
     """
     autopilot, source = autopilot_of(config), config.odometry_source
+    chart = chart_of(config)
+    pipeline = pipeline or make_pipeline(config)
+    _check_goals(config, chart)
     return Vessel(
-        pipeline or make_pipeline(config),
+        pipeline,
         make_autopilot(autopilot, config.ground.orders),
         report=GroundReport(
             config.ground,
@@ -636,7 +783,39 @@ def make_vessel(
         looks_first=looks_first,
         envelope=Envelope(config.envelope),
         slow=slow_of(config),
+        chart=chart,
+        follows_fences=config.chart.autopilot_fences,
     )
+
+
+def chart_of(config: RuntimeConfig) -> StaticMap:
+    """Read what a configuration says is fixed around the boat.
+
+    Raises
+    ------
+    ConfigError
+        Its chart cannot be used, or leaves no water.
+    """
+    settings = config.chart
+    features = read_chart(settings, datum_of(config)).features
+    if not features:
+        return StaticMap.empty()
+    depth_m = safety_depth_m(settings, load_vessel(config.vessel).draught_m)
+    chart = StaticMap.of(features, safety_depth_m=depth_m)
+    if not chart.leaves_water:
+        raise ConfigError("its land and fences leave no water", key="chart")
+    return chart
+
+
+def _check_goals(config: RuntimeConfig, chart: StaticMap) -> None:
+    """Refuse a goal of the configuration that its chart forbids."""
+    for number, place in enumerate(config.mission.waypoints_m):
+        why = chart.why(np.array(place))
+        if why:
+            north, east = place
+            raise ConfigError(
+                f"north {north:g} m, east {east:g} m is {why}", key=f"mission.waypoints_m[{number}]"
+            )
 
 
 def slow_of(config: RuntimeConfig) -> SpeedLimit:
@@ -646,19 +825,24 @@ def slow_of(config: RuntimeConfig) -> SpeedLimit:
     return SpeedLimit(config.envelope.slow_share * top_mps, thrust_n / top_mps, top_mps)
 
 
-def vessel_for_replay(config: RuntimeConfig, *, has_odometry: bool = True) -> Vessel:
+def vessel_for_replay(
+    config: RuntimeConfig, *, has_odometry: bool = True, has_chart: bool = False
+) -> Vessel:
     """Make a vessel that takes in a recording, which holds its own odometry and engagement too.
 
     Parameters
     ----------
     has_odometry
         If the recording has none, it is made of GPS and IMU where these are its configured source.
+    has_chart
+        Whether the recording holds the map, so that the configured chart is not read.
     """
     makes_odometry = config.odometry_source == "gps_imu" and not has_odometry
     return make_vessel(
         structs.replace(
             config,
             odometry_source="gps_imu" if makes_odometry else "bus",
+            chart=ChartSettings() if has_chart else config.chart,
             autopilot=structs.replace(config.autopilot, signing_key_file=""),  # stayed aboard
         )
     )

@@ -129,6 +129,10 @@ class QuantileCritic(nn.Module):
         wide, hidden = settings.feature_width, settings.hidden_width
         self.state = nn.Linear(self.encoder.width, wide)
         self.action = nn.Linear(ACTIONS, wide, bias=False)
+        self.beyond: nn.Linear | None = None
+        if settings.contour:  # a goal on the way is worth what lies beyond it
+            self.beyond = nn.Linear(2, wide, bias=False)
+            nn.init.zeros_(self.beyond.weight)
         self.joined = nn.Linear(wide, wide)
         self.embedding = CosineEmbedding(settings.cosines, wide)
         self.hidden = nn.Linear(wide, hidden)
@@ -136,7 +140,10 @@ class QuantileCritic(nn.Module):
 
     def forward(self, seen: Seen, action: Tensor, fractions: Tensor) -> Tensor:
         """Give the return's quantiles (B, N) at `fractions`, (N,)."""
-        joined = torch.relu(self.state(self.encoder(seen)) + self.action(action))
+        joined = self.state(self.encoder(seen)) + self.action(action)
+        if self.beyond is not None:
+            joined = joined + self.beyond(seen.beyond)
+        joined = torch.relu(joined)
         joined = torch.relu(self.joined(joined))
         # W (x (.) phi_n) = (W diag(phi_n)) x: the fractions are the batch's, so they go into the
         # weights, and no (B, N, width) product is ever formed.

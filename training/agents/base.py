@@ -17,6 +17,7 @@ from msgspec import Meta
 from torch import Tensor, nn
 from torch.optim import Optimizer
 
+from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.settings import Count, Fraction, Positive, Settings
 from twinscrew.training.networks import NetworkSettings, Observations, Pilot, See, Seen, with_risk
 
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from twinscrew.training.replay import Batch, Memory, Rollout
     from twinscrew.training.settings import TrainSettings
 
+NEW_PARTS = {"contour", "beyond"}
+"""Parts of networks that a run may add to those that it begins from: they begin at zero."""
 Rate = Annotated[float, Meta(gt=0.0, le=1.0)]
 Metrics = dict[str, Tensor]
 Draws = dict[str, Tensor]
@@ -229,6 +232,29 @@ class Agent(ABC, Generic[S]):
         parts: Mapping[str, Any] = {**self.networks, **self.optimizers}
         learnt = {name: part.state_dict() for name, part in parts.items()}
         return {**learnt, "generator": self.generator.get_state(), "updates": self.updates}
+
+    def start_from(self, state: dict[str, Any]) -> None:
+        """Take over the networks of a run that may have known fewer inputs; nothing else.
+
+        What reads the new inputs begins at zero, so that the networks answer as they did.
+
+        Raises
+        ------
+        ConfigError
+            They are networks of other sizes, or of fewer parts than the new inputs'.
+        """
+        for name, network in self.networks.items():
+            mine, given = network.state_dict(), state[name]
+            for key in mine.keys() | given.keys():
+                if key not in given and set(key.split(".")) & NEW_PARTS:
+                    continue
+                shapes = [tuple(one[key].shape) if key in one else None for one in (given, mine)]
+                if shapes[0] != shapes[1]:
+                    raise ConfigError(
+                        f"{name}.{key} has shape {shapes[0]}, the configuration's is {shapes[1]}",
+                        key="--from",
+                    )
+            network.load_state_dict({**mine, **given})
 
     def restore(self, state: dict[str, Any]) -> None:
         """Take a `state` back.

@@ -14,7 +14,7 @@ def test_success_is_counted_with_its_interval_and_failures_by_cause() -> None:
     one = cell(records)
     assert (one.episodes, one.successes, one.success_rate) == (4, 2, 0.5)
     assert one.wilson95 == wilson(2, 4)
-    assert one.failures == {"vessel": 1, "buoy": 0, "time": 1}
+    assert one.failures == {"vessel": 1, "buoy": 0, "quay": 0, "fence": 0, "time": 1}
 
 
 def test_travel_time_and_energy_are_of_the_successful_episodes_alone() -> None:

@@ -1,3 +1,6 @@
+import json
+
+import msgspec
 import onnx
 import onnxruntime
 import pytest
@@ -10,13 +13,15 @@ from twinscrew.export.onnx_file import (
     inputs_of,
     onnx_bytes,
 )
+from twinscrew.runtime.charts.contour import CONTOUR_RANGE_M, SECTORS
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.policy.onnx import graph_inputs
 from twinscrew.runtime.policy.onnx_walk import refuse_foreign_parts
-from twinscrew.training.networks import Actor, NetworkSettings, Pilot, See, circles
+from twinscrew.training.networks import Actor, Beside, NetworkSettings, Pilot, See, circles
 from twinscrew.training.perception import PAPER, Layout
 
 EXTENDED = Layout(8, extended=True)
+EDGED = Layout(8, extended=True, contour=True)
 SMALL = NetworkSettings(ego_width=16, object_width=16, hidden_width=16)
 AS_PUBLISHED = NetworkSettings(kind="paper", normalise=False, hidden_width=16)
 OUTLINED = NetworkSettings(kind="outlined", ego_width=16, object_width=16, hidden_width=16)
@@ -42,7 +47,7 @@ def quiet():
 
 def answers(data, inputs, risk=None):
     session = onnxruntime.InferenceSession(data, quiet(), providers=["CPUExecutionProvider"])
-    names = ("ego", "objects", "mask", "outlines", "hull")
+    names = ("ego", "objects", "mask", "outlines", "hull", "contour")
     taken = {node.name for node in graph_inputs(session)}
     feed = {n: part.numpy() for n, part in zip(names, inputs, strict=False) if n in taken}
     if risk is not None:
@@ -170,8 +175,50 @@ def test_who_feeds_no_outlines_and_no_hull_has_circles_and_the_default_vessel(ou
 
 def test_padding_has_no_influence_among_outlines(outlined):
     _, data = outlined
-    ego, objects, mask, outlines, hull = example_inputs(20, 9, EXTENDED)
+    ego, objects, mask, outlines, hull, *_ = example_inputs(20, 9, EXTENDED)
     there = mask[:, :, None] > 0
     dirty = torch.where(there, objects, 1e6), mask, torch.where(there, outlines, 50.0)
     clean = answers(data, (ego, objects, mask, outlines, hull))
     assert torch.equal(clean, answers(data, (ego, *dirty, hull)))
+
+
+# -- a policy that is shown what is fixed ---------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def edged():
+    """Give a policy of two actors, one of which sees edges, and its file."""
+    torch.manual_seed(1)
+    sees = msgspec.structs.replace(OUTLINED, contour=True, contour_width=16)
+    edges = Actor(sees)
+    torch.nn.init.normal_(edges.encoder.contour.out.weight)  # as if it had learnt something
+    pilot = Pilot(See(sees), Beside(Actor(OUTLINED), edges), 1.25)
+    made = DeployedPolicy(pilot, 1000.0)
+    inputs = inputs_of(EDGED, None, any_hull=True)
+    return made, onnx_bytes(made, {"inputs": json.dumps(inputs)}, EDGED)
+
+
+@pytest.mark.parametrize("count", [1, 33])
+def test_every_row_s_contour_is_heeded(edged, count):
+    made, data = edged
+    seen = example_inputs(count, count, EDGED)
+    with torch.no_grad():
+        assert torch.allclose(answers(data, seen), made(*seen), atol=0.02)
+        closer = seen._replace(contour=seen.contour / 4.0)
+        assert torch.allclose(answers(data, closer), made(*closer), atol=0.02)
+    assert not torch.allclose(answers(data, seen), answers(data, closer), atol=1.0)
+
+
+def test_who_feeds_no_contour_has_nothing_fixed(edged):
+    _, data = edged
+    seen = example_inputs(5, 3, EDGED)
+    nothing = seen._replace(contour=torch.full((5, SECTORS), CONTOUR_RANGE_M))
+    assert torch.equal(answers(data, seen[:5]), answers(data, nothing))
+
+
+def test_where_no_edge_is_near_it_acts_as_the_policy_without_a_contour(edged):
+    made, _ = edged
+    blind = DeployedPolicy(Pilot(See(OUTLINED), made.pilot.actor.open_water, 1.25), 1000.0)
+    seen = example_inputs(9, 4, EXTENDED)
+    with torch.no_grad():
+        assert torch.equal(made(*seen), blind(*seen))

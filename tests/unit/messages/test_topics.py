@@ -13,7 +13,8 @@ ROOT = Path(__file__).parents[3]
 
 
 def test_the_core_takes_in_what_decides_a_run():
-    always = {"points", "odometry", "goal", "route", "hold", "berth", "engagement", "fallback"}
+    always = {"points", "odometry", "goal", "route", "hold", "berth"}
+    always |= {"engagement", "fallback", "chart"}
     assert set(CORE_INPUTS) == always | {"nmea", "radar"}
 
 

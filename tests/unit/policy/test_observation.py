@@ -5,9 +5,17 @@ import math
 import numpy as np
 import pytest
 
+from twinscrew.runtime.charts.static_map import Area, StaticMap
 from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages.types import Goal, Odometry, Tracks
-from twinscrew.runtime.policy.observation import ObservationSettings, observe
+from twinscrew.runtime.policy.observation import (
+    DEFAULTS,
+    PAPER,
+    ObservationSettings,
+    Shown,
+    nothing_seen,
+    observe,
+)
 
 EAST = math.pi / 2
 
@@ -133,3 +141,48 @@ def test_equally_near_objects_keep_the_order_of_the_tracks():
 def test_everything_is_float32():
     seen = see([[15.0, 20.0]])
     assert {seen.ego.dtype, seen.objects.dtype, seen.mask.dtype} == {np.dtype(np.float32)}
+
+
+QUAY = Area(kind="land", outline=np.array([[15.0, 0.0], [25.0, 0.0], [25.0, 60.0], [15.0, 60.0]]))
+EDGES = Shown(contour_m=40.0)
+
+
+def beside_a_quay(p_N=(), *, shown=EDGES, o=None, fixed=None, **kwargs):
+    chart = StaticMap.of([QUAY]) if fixed is None else fixed
+    place = o or odometry()
+    return observe(place, goal(), tracks(p_N, **kwargs), np.zeros(2), DEFAULTS, shown, chart)
+
+
+def test_a_quay_ahead_is_seen_by_the_contour_where_it_is():
+    contour = beside_a_quay().contour
+    assert contour[0] == pytest.approx(5.0)
+    assert contour[16] == 40.0
+    assert beside_a_quay(o=odometry(yaw=EAST)).contour[24] == pytest.approx(5.0)
+
+
+def test_in_a_place_that_is_forbidden_the_contour_is_zero():
+    assert (beside_a_quay(o=odometry((20.0, 20.0, 0.0))).contour == 0.0).all()
+
+
+def test_without_a_chart_everything_is_at_range():
+    assert (beside_a_quay(fixed=StaticMap.empty()).contour == 40.0).all()
+    assert (
+        observe(odometry(), goal(), tracks(()), np.zeros(2), DEFAULTS, EDGES).contour == 40
+    ).all()
+    assert (nothing_seen(EDGES).contour == 40.0).all()
+
+
+def test_what_stands_on_the_chart_is_seen_once_and_what_moves_there_stays_an_object():
+    on_the_quay, before_it = (15.5, 20.0), (11.0, 14.0)
+    assert beside_a_quay([on_the_quay, before_it]).mask.sum() == 1
+    moving = beside_a_quay([on_the_quay, before_it], v_N=[(0.0, 1.0), (0.0, 0.0)])
+    assert moving.mask.sum() == 2
+    assert beside_a_quay([on_the_quay, before_it], shown=PAPER).mask.sum() == 2
+
+
+def test_a_policy_that_takes_no_contour_sees_what_it_saw_without_a_chart():
+    with_chart = beside_a_quay([(15.5, 20.0), (11.0, 14.0)], shown=PAPER)
+    without = see([(15.5, 20.0), (11.0, 14.0)])
+    assert with_chart.contour is None
+    assert np.array_equal(with_chart.objects, without.objects)
+    assert np.array_equal(with_chart.ego, without.ego)

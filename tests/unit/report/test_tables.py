@@ -28,7 +28,14 @@ def test_success_is_told_with_count_and_interval(material: Material) -> None:
 
 
 def test_failures_are_told_by_cause(material: Material) -> None:
-    assert rows(tables.failures(material))["apf"] == ["33 % (2/6) [10, 70]", "0", "2", "2"]
+    assert rows(tables.failures(material))["apf"] == [
+        "33 % (2/6) [10, 70]",
+        "0",
+        "2",
+        "0",
+        "0",
+        "2",
+    ]
 
 
 def test_travel_times_stand_beside_the_papers(material: Material) -> None:
@@ -90,7 +97,7 @@ def test_the_assurance_is_told_beside_its_absence(tmp_path: Path) -> None:
     ]
     assert [row[:2] for row in told[2:]] == [["apf", "without"], ["apf", "with"]]
     assert told[2][2].startswith("100 % (6/6)")
-    assert told[3][3:6] == ["0", "2", "2"]
+    assert told[3][3:8] == ["0", "2", "0", "0", "2"]
     assert [row[-1] for row in told] == ["-", "24", "-", "24"]
 
 

@@ -87,10 +87,13 @@ def test_a_collision_counts_before_a_timeout() -> None:
             np.array([1, 0, 1, 0], bool),
             np.ones(2),
             np.array([1.0, 4.0]),
+            np.array([True, False, False, False]),
+            np.array([False, False, False, False]),
         ),
         9,
     )
     assert result.cumulative_reward == 2.5
+    assert (result.quays, result.fences) == (1, 0)
     assert (result.collisions, result.timeouts, result.success_rate) == (2, 1, 0.25)
     assert result.seed == 9
     assert result.wilson95 == pytest.approx((0.0456, 0.6994), abs=1e-4)  # of 1 of 4, by hand

@@ -205,4 +205,5 @@ def test_a_row_s_layout_follows_from_its_width():
     for objects in range(1, 20):
         for extended in (False, True):
             layout = layout_of(17 + 9 * objects if extended else 7 + 6 * objects)
-            assert layout == (objects, extended)
+            assert layout == (objects, extended, False)
+        assert layout_of(50 + 9 * objects) == (objects, True, True)

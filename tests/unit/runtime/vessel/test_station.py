@@ -12,6 +12,7 @@ from twinscrew.hil_sim.vessel.dynamics import VesselDynamics
 from twinscrew.hil_sim.vessel.rest import at_rest
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.types import Berth, Station, Tracks
+from twinscrew.runtime.safety.assurance import without_face
 from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.vessel.station import Berthing, Keeper, Phase, StationSettings
 from twinscrew.runtime.vessel_description import load_vessel
@@ -120,6 +121,16 @@ def test_after_as_many_tries_as_allowed_the_boat_stays_off():
         names.append(event.name)
     assert names == ["berth_aborted", "berth_aborted", "berth_given_up"]
     assert berthing.interrupt(0, "again") == ()
+
+
+def test_the_assurance_lets_go_of_the_face_alone():
+    quay = np.array([[[-50.0, 0.1], [50.0, 0.1]], [[50.0, 0.1], [50.0, -9.0]]])
+    left = without_face(quay, FACE)
+    assert left.tolist() == [
+        [[-50.0, 0.1], [-2.5, 0.1]],
+        [[2.5, 0.1], [50.0, 0.1]],
+        [[50.0, 0.1], [50.0, -9.0]],
+    ]
 
 
 def boat_that_holds(**link: object) -> Boat:
