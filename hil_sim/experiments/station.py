@@ -132,19 +132,20 @@ class _Holding(Voyage):
         return np.array(rows)
 
 
-def sail_hold(task: HoldTask) -> HoldRecord:
-    """Sail one episode."""
+def sail_hold(task: HoldTask, folder: Path | None = None) -> HoldRecord:
+    """Sail one episode; with a folder, the runtime is recorded under it."""
     vessel = load_vessel(task.vessel)
     rng = np.random.default_rng([task.seed, 17])
     towards = rng.uniform(-math.pi, math.pi)
     off_m = OFF_LENGTHS * vessel.length_m * rng.uniform(-1.0, 1.0, 2)
     start = np.array([[*off_m, rng.uniform(-math.pi, math.pi)]])
     sea = _sea(task.sea, task.current_mps, towards)
-    world, crew = _afloat(task.vessel, start, sea, task.sensor, task.seed)
+    world, crew = _afloat(task.vessel, start, sea, task.sensor, task.seed, folder)
     heading = None if task.heading_deg is None else math.radians(task.heading_deg)
     voyage = _Holding(world, crew, scan_s=0.1)
     station = Station(stamp_ns=0, position_N=np.zeros(2), heading=heading)
     rows = voyage.hold(station, task.duration_s)
+    crew.close()
     wanted = heading if heading is not None else free_heading(task.vessel, sea, rows[-1, 2])
     counted = rows[rows[:, 5] >= task.settle_s]
     apart = np.hypot(counted[:, 0], counted[:, 1])
@@ -197,7 +198,12 @@ def _sea(name: str, current_mps: float, towards: float) -> SeaSettings:
 
 
 def _afloat(
-    vessel: str, start: Float64, sea: SeaSettings, sensor: str, seed: int
+    vessel: str,
+    start: Float64,
+    sea: SeaSettings,
+    sensor: str,
+    seed: int,
+    folder: Path | None,
 ) -> tuple[World, LockstepCrew]:
     water = _open_water(vessel, start)
     world = World(water, load_sensor(sensor), load_vessel(vessel), sea, seed)
@@ -207,6 +213,7 @@ def _afloat(
         sensor=sensor,
         envelope={"enabled": False},
         autopilot={"system_id": 1, "arm": True, "receiver_fitted": False},
+        recording={"folder": "" if folder is None else str(folder / "wamv1")},
     )
     return world, LockstepCrew([config], epoch_ns=world.epoch_ns)
 
@@ -250,8 +257,8 @@ class BerthRecord:
     decisions_sha256: str
 
 
-def sail_berth(task: BerthTask) -> BerthRecord:
-    """Sail one episode."""
+def sail_berth(task: BerthTask, folder: Path | None = None) -> BerthRecord:
+    """Sail one episode; with a folder, the runtime is recorded under it."""
     vessel = load_vessel(task.vessel)
     length = vessel.length_m
     rng = np.random.default_rng([task.seed, 18])
@@ -268,7 +275,7 @@ def sail_berth(task: BerthTask) -> BerthRecord:
     water = side * np.array([along[1], -along[0]])  # from the face to the boat
     place = water * length * rng.uniform(3.0, 5.0) + along * length * rng.uniform(-4.0, 4.0)
     start = np.array([[*place, rng.uniform(-math.pi, math.pi)]])
-    world, crew = _afloat(task.vessel, start, sea, task.sensor, task.seed)
+    world, crew = _afloat(task.vessel, start, sea, task.sensor, task.seed, folder)
     face_N = np.array([-1.5 * length * along, 1.5 * length * along])
     pipeline = crew.vessels[0].vessel.pipeline
     half = 0.5 * length, 0.5 * vessel.beam_m
@@ -294,6 +301,7 @@ def sail_berth(task: BerthTask) -> BerthRecord:
     voyage = _Holding(world, crew, scan_s=0.1)
     payload = cdr.encode_path(face_N, stamp_ns=0, frame_id="")
     taken_s = voyage.order("berth", payload, task.duration_s, over)
+    crew.close()
     gap, speed, turned, ahead = seen()
     berthing = pipeline.berthing
     lies = berthing is not None and berthing.lies
