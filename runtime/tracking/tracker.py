@@ -545,7 +545,8 @@ class Tracker:
         look = no_detections(LIDAR, own.p_N, own.heading)
         chance = chances(self._tracks, look, source, self.settings.existence)
         seen = np.zeros(len(self._tracks))
-        seen[[*(i for i, _, _ in found.pairs), *ships]] = 1.0
+        seen[[i for i, _, _ in found.pairs]] = 1.0
+        seen[list(ships)] = 1.0
         others: list[int] = []
         for k, track in enumerate(self._tracks):
             if not only_named(track, self._identifying):
@@ -697,6 +698,11 @@ class Tracker:
     def outline(self) -> OutlineView | None:
         """The outline of the latest scan, and the free water within it; None without one."""
         return self._long.latest
+
+    @property
+    def pieces(self) -> list[int]:
+        """Identities of the tracks that are pieces of long objects that stand, as last seen."""
+        return [track.id for track in self._tracks if track.confirmed and track.at_rest]
 
     @property
     def stands(self) -> Mapping[int, bool]:
