@@ -67,6 +67,8 @@ SETTLE_S: Final = 1.0
 
 MOST_LOOKS: Final = 1000
 """[-] Looks of other sensors that wait for a scan; the oldest are left out."""
+SCANLESS_S = 1.0
+"""[s] So long after the last scan the other sensors are listened to without one, this often."""
 NEWER_S, OLDER_S = 1.0, 5.0
 """[s] A look that is so much newer or older than the vessel's time has a wrong stamp."""
 
@@ -122,6 +124,9 @@ class TrackingStage(Protocol):
 
     def take(self, look: Look) -> bool:
         """See `Tracker.take`."""
+
+    def seen_by_others(self, stamp_ns: int, own_N: Float64) -> Tracks:
+        """See `Tracker.seen_by_others`."""
 
     def reset(self) -> None:
         """Forget all tracks."""
@@ -369,9 +374,7 @@ class Pipeline:
         if self.keeper is not None:
             self.keeper.reset()
         if self._schedule.is_due(odometry.stamp_ns):
-            observation = observe(
-                odometry, goal, tracks, before, self._observation, self.policy.shown, self.chart
-            )
+            observation = self._observe(odometry, goal, tracks, before)
             try:
                 self._rate = self.policy.act(observation)
             except PolicyError as error:
@@ -441,6 +444,24 @@ class Pipeline:
                 self.speed_limit.gain_nspm,
             )
             self._thrust = self.guard.limits.clip(limited)
+
+    def _observe(
+        self, odometry: Odometry, goal: Goal, tracks: Tracks, before: Float64
+    ) -> Observation:
+        """Say what the policy is shown; learnt walls are edges to one that takes a contour.
+
+        It is not shown the pieces of long objects that stand besides, where they are such walls.
+        """
+        shown, walls = self.policy.shown, None
+        if shown.contour_m is not None and self.learnt is not None:
+            walls = self.learnt.edges_near(odometry.position_N, shown.contour_m)
+            if len(walls) and isinstance(self.tracker, Tracker):
+                pieces = np.isin(tracks.id, self.tracker.pieces)
+                for k in np.flatnonzero(pieces).tolist():
+                    on_wall = self.learnt.edges_near(tracks.p_N[k], float(tracks.radius[k]))
+                    pieces[k] = len(on_wall) > 0
+                tracks = tracks.only(~pieces) if pieces.any() else tracks
+        return observe(odometry, goal, tracks, before, self._observation, shown, self.chart, walls)
 
     def _try(self, trial: Trial, odometry: Odometry, tracks: Tracks, *, idle: bool) -> Driven:
         """Sail a trial's manoeuvre; the assurance checks every thrust, as it does a policy's.
@@ -535,6 +556,7 @@ class Senses:
         self._waiting: list[Look] = []
         self._rarely = Rarely(10.0)
         self._forgotten = False
+        self._listened_ns: int | None = None
 
     def take(
         self, topic: str, payload: bytes, latest_ns: int, own_at: OwnAt
@@ -562,6 +584,7 @@ class Senses:
 
     def listen(self, stamp_ns: int) -> tuple[HealthEvent, ...]:
         """Give the tracker what came up to a scan's stamp [ns]."""
+        self._listened_ns = stamp_ns
         events: list[HealthEvent] = []
         for sense in dict.fromkeys(sense for each in self.by_topic.values() for sense in each):
             heard = sense.step(stamp_ns, forgotten=self._forgotten)
@@ -574,6 +597,21 @@ class Senses:
         for look in due:
             self._tracker.take(look)
         return tuple(events)
+
+    def without_scan(self, odometry: Odometry) -> tuple[HealthEvent, ...] | None:
+        """Listen, and give alarms, though no scan comes; None if one came a moment ago.
+
+        The boat is stopped without its LiDAR, but a ship that reports itself is still announced.
+        """
+        stamp_ns = odometry.stamp_ns
+        if self._listened_ns is None:
+            self._listened_ns = stamp_ns  # the first scan may be on its way
+        since_s = (stamp_ns - self._listened_ns) / NANOSECONDS_PER_SECOND
+        if 0.0 <= since_s < SCANLESS_S:
+            return None
+        heard = self.listen(stamp_ns)
+        tracks = self._tracker.seen_by_others(stamp_ns, odometry.position_N[:2])
+        return (*heard, *self.alarmed(odometry, tracks))
 
     def alarmed(self, odometry: Odometry, tracks: Tracks) -> tuple[HealthEvent, ...]:
         """Give what the tracks that came of it make worth reporting."""

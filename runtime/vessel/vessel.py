@@ -402,8 +402,14 @@ class Vessel:
         taken.message = odometry = taken.message or cdr.decode_odometry(taken.payload)
         verdict = self.inputs.odometry(odometry)
         self._judged("odometry", odometry.stamp_ns, verdict, out, now_s)
-        if verdict.usable:
-            self._follow_frames(odometry, out, now_s)
+        if not verdict.usable:
+            return
+        self._follow_frames(odometry, out, now_s)
+        senses = self.pipeline.senses
+        events = senses.without_scan(odometry) if senses.by_topic else None
+        if events is not None:
+            out.targets = senses.targets(odometry.stamp_ns)
+            self._tell(out, now_s, *events)
 
     def _judged(
         self, topic: str, stamp_ns: int, verdict: Verdict, out: Outputs, now_s: float
