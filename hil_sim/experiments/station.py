@@ -63,7 +63,7 @@ class HoldTask:
     """[deg] Asked for; None: into wind and current."""
     settle_s: float = 90.0
     """[s] From the order on: what comes later counts."""
-    duration_s: float = 240.0
+    duration_s: float = 210.0
     """[s] From the order to the end."""
     seed: int = 0
     sensor: str = "vrx16"
