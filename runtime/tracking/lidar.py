@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +84,22 @@ def _usual_step(elevations: Float64) -> float:
 NO_SEGMENTS = np.empty((0, 4))
 
 
+AtRest = bool | Literal["unknown"] | None
+"""Of a piece of a long object, whether that lies at rest (`lidar_motion.LongObjects.at_rest`), or
+that this is unknown; None for what is no piece."""
+
+
+def told(objects: Objects, at_rest: Sequence[bool | None]) -> Sequence[AtRest]:
+    """Tell pieces of which nothing is known from what is no piece of a long object."""
+    if objects.outline is None:
+        return at_rest
+    cut_from = objects.outline.cut_from.tolist()
+    return [
+        "unknown" if rests is None and number >= 0 else rests
+        for rests, number in zip(at_rest, cut_from, strict=True)
+    ]
+
+
 @dataclass(frozen=True, slots=True)
 class LidarExtras:
     """What only a LiDAR knows of one object, as seen in one scan."""
@@ -92,8 +108,8 @@ class LidarExtras:
     """[ns] The scan's stamp."""
     segments_N: Float64
     """(S, 4) Segments of the hull: mean, north and east [m]; length [m]; number of echoes."""
-    at_rest: bool | None = None
-    """Of a piece of a long object, whether that lies at rest; see `LongObjects.at_rest`."""
+    at_rest: AtRest = None
+    """Of a piece of a long object, whether that lies at rest."""
 
 
 class MeasurementSettings(Settings, frozen=True, kw_only=True):
@@ -219,7 +235,7 @@ class Centroids:
         )
 
     def measure(
-        self, objects: Objects, own: Viewpoint, at_rest: Sequence[bool | None] | None = None
+        self, objects: Objects, own: Viewpoint, at_rest: Sequence[AtRest] | None = None
     ) -> Measurements:
         """Give the objects of a scan in frame N; what is not finite is left out.
 
@@ -230,7 +246,7 @@ class Centroids:
         own
             From where the scan was taken.
         at_rest
-            Of each object, see `lidar_motion.LongObjects.at_rest`; by default nothing is known.
+            Of each object, see `AtRest`; by default none is a piece.
         """
         (cosine, _), (sine, _) = own.R_NL.tolist()
         z_N, H, R, radius, gate, kept = self._model.measured(
@@ -271,7 +287,7 @@ def _distances(settings: MeasurementSettings, view: SensorView) -> list[float]:
 
 
 def _extras(
-    objects: Objects, own: Viewpoint, at_rest: Sequence[bool | None] | None, kept: list[int]
+    objects: Objects, own: Viewpoint, at_rest: Sequence[AtRest] | None, kept: list[int]
 ) -> list[LidarExtras]:
     """Give what is seen of the objects that are kept, in N."""
     strips, stamp_ns = objects.strips, objects.stamp_ns
@@ -285,8 +301,8 @@ def _extras(
 
 
 def join_fragments(
-    objects: Objects, at_rest: Sequence[bool | None], p_L: Float64, radius: Float64
-) -> tuple[Objects, Sequence[bool | None]]:
+    objects: Objects, at_rest: Sequence[AtRest], p_L: Float64, radius: Float64
+) -> tuple[Objects, Sequence[AtRest]]:
     """Replace objects within the circle of one track by one object.
 
     Parameters
@@ -294,7 +310,7 @@ def join_fragments(
     objects
         As perception found them.
     at_rest : (M,)
-        Of each, see `lidar_motion.LongObjects.at_rest`: pieces of what stands remain apart.
+        Of each, see `AtRest`: pieces of what stands remain apart.
     p_L : (K, 2) float64
         Where the tracks are expected [m], levelled frame L.
     radius : (K,) float64

@@ -100,6 +100,25 @@ class Named:
     """[ns] Without another report it is not believed any longer than this."""
 
 
+@dataclass(frozen=True, slots=True)
+class Hull:
+    """The outline of a long vessel that the LiDAR follows as one thing (`ships`)."""
+
+    half_length: float
+    """[m]"""
+    half_beam: float
+    """[m]"""
+    heading: float
+    """[rad] [N] Where it points: ahead, if it goes ahead."""
+    rest_s: float = 0.0
+    """[s] For so long it has been seen at rest."""
+
+    @property
+    def radius(self) -> float:
+        """[m] Of the circle about it."""
+        return math.hypot(self.half_length, self.half_beam)
+
+
 class Track:
     """What is known of one object. Arrays and mappings are replaced, never changed."""
 
@@ -115,6 +134,7 @@ class Track:
         "first_R",
         "first_ns",
         "hits",
+        "hull",
         "id",
         "key",
         "known_s",
@@ -178,6 +198,7 @@ class Track:
         self.part_since_ns = 0
         self.apart_ns: int | None = None
         self.named: Named | None = None
+        self.hull: Hull | None = None
 
     @property
     def at_rest(self) -> bool:

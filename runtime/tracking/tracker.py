@@ -11,8 +11,8 @@ randomness: time comes with the stamps.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import msgspec
@@ -49,6 +49,8 @@ from twinscrew.runtime.tracking.kalman import (
     transition,
 )
 from twinscrew.runtime.tracking.lidar import (
+    NO_SEGMENTS,
+    AtRest,
     Centroids,
     LidarExtras,
     Measurements,
@@ -58,13 +60,16 @@ from twinscrew.runtime.tracking.lidar import (
     Viewpoint,
     join_fragments,
     smoothed_radius,
+    told,
 )
 from twinscrew.runtime.tracking.lidar_motion import (
+    VELOCITY,
     HullVelocity,
     HullVelocitySettings,
     LongObjects,
     LongObjectSettings,
     MeasuredVelocity,
+    OutlineView,
     corrected,
 )
 from twinscrew.runtime.tracking.named import (
@@ -75,6 +80,13 @@ from twinscrew.runtime.tracking.named import (
     only_named,
     pass_on_names,
     take_named,
+)
+from twinscrew.runtime.tracking.ships import (
+    SeenShip,
+    ShipSettings,
+    find_ships,
+    in_outline,
+    without,
 )
 from twinscrew.runtime.tracking.track import (
     Clutter,
@@ -92,6 +104,10 @@ from twinscrew.runtime.tracking.track import (
 
 LIDAR = "lidar"
 """Name of the source whose scans come in by `Tracker.step`."""
+UNKNOWN_PIECE_M = 3.0
+"""[m] By so much a piece of a long object may be elsewhere than before without having moved."""
+UNKNOWN_PIECE_MPS = 1.5
+"""[m/s] What is long mostly rests: standard deviation of its velocity while it is unknown."""
 UNSEEN = 0.8
 """[-] What a scan leaves of the existence of a vessel that it should show, and does not."""
 KEPT_IDENTITIES = 4096
@@ -107,6 +123,8 @@ class TrackerSettings(Settings, frozen=True, kw_only=True):
     """How velocities are measured from scan to scan."""
     standing: LongObjectSettings = LongObjectSettings()
     """When long objects are taken to lie at rest."""
+    ships: ShipSettings = ShipSettings()
+    """When they are followed as one long vessel."""
     radius: RadiusSettings = RadiusSettings()
     """How the radius is smoothed."""
     acceleration_psd: Positive = 1.0
@@ -166,10 +184,11 @@ class Tracker:
         self._bank = FilterBank()
         view = view or SensorView()
         self._centroids = Centroids(self.settings.measurement, view)
-        self._lidar = _segmented(view)
+        self._lidar, self._reach_m = _segmented(view), view.reach_m
         self._long = LongObjects(self.settings.standing)
         variance = self.settings.standing.sigma_mps**2
         self._still = MeasuredVelocity(np.zeros(2), variance * np.eye(2))
+        self._maybe_still = MeasuredVelocity(np.zeros(2), UNKNOWN_PIECE_MPS**2 * np.eye(2))
         sources = self.settings.sources
         self._identifying = frozenset(name for name in sources if sources[name].identifies)
         psd = [s.acceleration_psd for s in sources.values() if s.identifies]
@@ -359,8 +378,20 @@ class Tracker:
         for track in self._tracks:
             if track.scans:
                 track.scans += 1
-        whole, at_rest = self._joined(objects, self._long.at_rest(objects, own), x, own)
-        self._update(x, P, self._centroids.measure(whole, own, at_rest), own, number)
+        at_rest = self._long.at_rest(objects, own)
+        ships: list[SeenShip] = []
+        if False in at_rest or any(track.hull for track in self._tracks):
+            ships = find_ships(
+                self._tracks, x, objects, at_rest, own, self._reach_m, self.settings.ships
+            )
+        if ships:
+            members = np.any([ship.members for ship in ships], axis=0)
+            objects, at_rest = without(objects, at_rest, members)
+        whole, said = self._joined(objects, told(objects, at_rest), x, own)
+        measured = self._centroids.measure(whole, own, said)
+        self._update(x, P, measured, own, number, {ship.track for ship in ships})
+        for ship in ships:
+            self._take_ship(ship, x[ship.track], P[ship.track], objects.stamp_ns, dt)
         self._drop()
         if self._identifying:
             self._tracks = hand_over(self._tracks, self._identifying, self._bank)
@@ -393,6 +424,9 @@ class Tracker:
             under_way=settings.acceleration_psd,
             speed_mps=settings.under_way_mps,
         )
+        if any(track.hull for track in tracks):
+            long = [track.hull is not None for track in tracks]
+            psd = np.where(long, np.minimum(psd, settings.ships.acceleration_psd), psd)
         if self._named_psd is not None:
             named = [only_named(track, self._identifying) for track in tracks]
             psd = np.where(named, np.minimum(psd, self._named_psd), psd)
@@ -416,8 +450,8 @@ class Tracker:
         return self.settings.sources.get(name, self._lidar)
 
     def _joined(
-        self, objects: Objects, at_rest: Sequence[bool | None], x: Float64, own: Viewpoint
-    ) -> tuple[Objects, Sequence[bool | None]]:
+        self, objects: Objects, at_rest: Sequence[AtRest], x: Float64, own: Viewpoint
+    ) -> tuple[Objects, Sequence[AtRest]]:
         """Put together what lies within the circle of one known track."""
         known = [k for k, t in enumerate(self._tracks) if t.confirmed and t.scans and not t.at_rest]
         if not known or len(objects.p_L) < 2:
@@ -426,15 +460,43 @@ class Tracker:
         radius = _floats([self._tracks[k].radius for k in known])
         return join_fragments(objects, at_rest, p_L, self.settings.life.join_share * radius)
 
+    def _take_ship(self, ship: SeenShip, x: Float64, P: Float64, stamp_ns: int, dt: float) -> None:
+        """Let a track take in what a scan shows of its long vessel."""
+        track, settings = self._tracks[ship.track], self.settings
+        if ship.v_N is not None:  # a piece until now
+            x, speed = np.concatenate([ship.p_N, ship.v_N, np.zeros(2)]), settings.first_speed_mps
+            P = np.diag([1.0, 1.0, speed**2, speed**2, P[4, 4], P[5, 5]])
+        x[:2] += ship.shift_N
+        H, R = np.eye(2, STATES), ship.R
+        y = ship.p_N - x[:2]
+        distance2 = float(y @ np.linalg.solve(P[:2, :2] + R, y))
+        R = R * max(distance2 / settings.measurement.jump_sigma**2, 1.0)
+        after, covariance = self._bank.update(x[None], P[None], ship.p_N[None], H[None], R[None])
+        if ship.at_rest:
+            v_N, noise = self._still.v_N[None], self._still.R[None]
+            after, covariance = self._bank.update(after, covariance, v_N, VELOCITY[None], noise)
+        extras = LidarExtras(stamp_ns, NO_SEGMENTS, ship.at_rest)
+        track.seen(after[0], covariance[0], ship.hull.radius, extras)
+        rest_s = ship.hull.rest_s + dt if ship.at_rest else 0.0
+        track.hull = replace(ship.hull, rest_s=rest_s) if rest_s < settings.ships.rest_s else None
+
     def _update(
-        self, x: Float64, P: Float64, measured: Measurements, own: Viewpoint, number: int
+        self,
+        x: Float64,
+        P: Float64,
+        measured: Measurements,
+        own: Viewpoint,
+        number: int,
+        ships: Collection[int] = (),
     ) -> None:
-        if self._identifying:
+        """Assign what was measured to tracks, those of the `ships` seen in this scan left out."""
+        if self._identifying or ships or any(track.hull for track in self._tracks):
             found = self._associated(x, P, measured)
         else:
             found = associate(x, P, measured, self.settings.gate_sigma)
+        found.unseen[:] = [k for k in found.unseen if k not in ships]
         if self.settings.sources and own.is_known:
-            self._judge_existence(found, own)
+            self._judge_existence(found, own, ships)
         if found.pairs:
             self._correct(x, P, measured, found, own)
         if found.new:
@@ -445,9 +507,11 @@ class Tracker:
                 self._tracks.append(self._born(measured, j, bias, (number, j)))
 
     def _associated(self, x: Float64, P: Float64, measured: Measurements) -> Association:
-        """Assign what the LiDAR has measured, but not to what only AIS has shown (`named`)."""
+        """Assign what the LiDAR has measured; not to long vessels, nor to what AIS alone shows."""
         others = [
-            k for k, track in enumerate(self._tracks) if not only_named(track, self._identifying)
+            k
+            for k, track in enumerate(self._tracks)
+            if track.hull is None and not only_named(track, self._identifying)
         ]
         if len(others) == len(self._tracks):
             return associate(x, P, measured, self.settings.gate_sigma)
@@ -458,12 +522,12 @@ class Tracker:
             found.new,
         )
 
-    def _judge_existence(self, found: Association, own: Viewpoint) -> None:
+    def _judge_existence(self, found: Association, own: Viewpoint, ships: Collection[int]) -> None:
         """Let tracks that the LiDAR should have seen, and has not, exist less surely."""
         source = self._source(LIDAR)
         look = no_detections(LIDAR, own.p_N, own.heading)
         chance = chances(self._tracks, look, source, self.settings.existence)
-        seen = {i for i, _, _ in found.pairs}
+        seen = {i for i, _, _ in found.pairs} | set(ships)
         for k, track in enumerate(self._tracks):
             if only_named(track, self._identifying):
                 if _surely_within(track, own.p_N, source) and not is_seen_in_part(
@@ -508,18 +572,27 @@ class Tracker:
             self._confirm(track)
 
     def _reopened(self, P: Float64, tracks: list[Track], extras: list[LidarExtras]) -> Float64:
-        """Let tracks forget their velocities if they rest, or move, otherwise than it seemed."""
-        pairs = enumerate(zip(tracks, extras, strict=True))
-        turned = [n for n, (t, e) in pairs if e.at_rest is not None and e.at_rest != t.at_rest]
+        """Let tracks forget their velocities if they rest, or move, otherwise than it seemed.
+
+        Where a piece is of a long object of which nothing is known tells nothing of its velocity.
+        """
+        pairs = list(enumerate(zip(tracks, extras, strict=True)))
+        turned = [
+            n for n, (t, e) in pairs if isinstance(e.at_rest, bool) and e.at_rest != t.at_rest
+        ]
         P[turned, 2:4, 2:4] += self.settings.first_speed_mps**2 * np.eye(2)
+        sliding = [n for n, (_, e) in pairs if e.at_rest == "unknown"]
+        P[sliding, :2, :2] += UNKNOWN_PIECE_M**2 * np.eye(2)
         return P
 
     def _velocity(
         self, track: Track, extras: LidarExtras, x: Sequence[float]
     ) -> MeasuredVelocity | None:
         """Measure by its segments how fast a track went since it was last seen."""
-        if extras.at_rest:
+        if extras.at_rest is True:
             return self._still
+        if extras.at_rest == "unknown":
+            return self._maybe_still
         if track.extras is None or not len(extras.segments_N):
             return None
         north, east, v_north, v_east, along, across = x
@@ -568,8 +641,18 @@ class Tracker:
                 track.sources -= {LIDAR}
         alive = [track for track in self._tracks if self._is_alive(track)]
         self._tracks = [track for track in alive if not is_absorbed(track, alive, life)]
+        long = [track for track in alive if track.hull is not None and track.age_s == 0.0]
+        if long:
+            self._tracks = [track for track in self._tracks if not self._is_part(track, long)]
         if len(self._tracks) < len(alive):
             pass_on_names(alive, self._tracks)
+
+    def _is_part(self, track: Track, long: Sequence[Track]) -> bool:
+        """Tell whether an unseen track lies within the outline of a long vessel that was seen."""
+        if track.age_s == 0.0 or track.hull is not None or track.named is not None:
+            return False
+        margin_m = self.settings.ships.margin_m
+        return any(in_outline(track.x[:2], other, margin_m) for other in long)
 
     def _is_alive(self, track: Track) -> bool:
         if track.scans and lives(track, self.settings.life):
@@ -588,6 +671,16 @@ class Tracker:
         """Tell whether only AIS has told of a track, and the LiDAR sees water in its place."""
         least = self.settings.existence.report
         return track.existence < least and only_named(track, self._identifying)
+
+    @property
+    def outline(self) -> OutlineView | None:
+        """The outline of the latest scan, and the free water within it; None without one."""
+        return self._long.latest
+
+    @property
+    def stands(self) -> Mapping[int, bool]:
+        """Of that outline's long objects, by number, whether they stand, as far as is known."""
+        return self._long.stands
 
     @property
     def doubted(self) -> tuple[str, ...]:
@@ -615,7 +708,7 @@ class Tracker:
             radius=_floats([track.radius for track in tracks]),
             covariance=P[:, :4, :4].copy(),
             age_s=_floats([track.age_s for track in tracks]),
-            **(_outlines(tracks) if self._identifying else {}),
+            **(_outlines(tracks) if any(track.hull or track.named for track in tracks) else {}),
         )
 
 
@@ -642,22 +735,27 @@ def _surely_within(track: Track, own_N: Float64, source: SourceSettings) -> bool
 
 
 def _outlines(tracks: Sequence[Track]) -> dict[str, Any]:
-    """Give the columns of outlines and names; none where no track has either."""
-    if not any(track.named for track in tracks):
-        return {}
-    rows = [
-        (math.nan, math.nan, math.nan)
-        if track.named is None or not _shows_whole(track, track.named)
-        else (track.named.half_length_m, track.named.half_beam_m, track.named.heading)
-        for track in tracks
-    ]
-    half_length, half_beam, heading = np.array(rows, dtype=np.float64).T
-    return {
+    """Give the columns of outlines, and of names if there are any."""
+    half_length, half_beam, heading = np.array([_outline(track) for track in tracks]).T
+    columns: dict[str, Any] = {
         "half_length": half_length,
         "half_beam": half_beam,
         "heading": heading,
-        "name": tuple("" if track.named is None else track.named.name for track in tracks),
     }
+    if any(track.named for track in tracks):
+        names = ("" if track.named is None else track.named.name for track in tracks)
+        columns["name"] = tuple(names)
+    return columns
+
+
+def _outline(track: Track) -> tuple[float, float, float]:
+    """Give half length, half beam [m] and heading [rad]; NaN where only the radius is known."""
+    named, hull = track.named, track.hull
+    if named is not None and _shows_whole(track, named):
+        return named.half_length_m, named.half_beam_m, named.heading
+    if hull is not None:
+        return hull.half_length, hull.half_beam, hull.heading
+    return math.nan, math.nan, math.nan
 
 
 def _states(tracks: Sequence[Track]) -> tuple[Float64, Float64]:

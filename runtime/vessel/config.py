@@ -14,6 +14,8 @@ from msgspec.structs import replace
 
 from twinscrew.runtime.bus.zenoh import ZenohSettings
 from twinscrew.runtime.charts.chart import ChartSettings
+from twinscrew.runtime.charts.learnt import LearntSettings
+from twinscrew.runtime.charts.route import RouteSettings
 from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.estimation.estimator import EstimationSettings
@@ -96,6 +98,8 @@ class RuntimeConfig(Settings, frozen=True):
     bus: ZenohSettings = ZenohSettings()
     autopilot: AutopilotSettings = AutopilotSettings()
     chart: ChartSettings = ChartSettings()
+    route: RouteSettings = RouteSettings()
+    learnt: LearntSettings = LearntSettings()
     ground: GroundSettings = GroundSettings()
     priority: PrioritySettings = PrioritySettings()
     recording: RecordingSettings = RecordingSettings()

@@ -51,7 +51,7 @@ ANXIOUS = {"wait_s": 1.5, "moving_horizon_s": 4.0, "margin_m": 4.0}
 
 
 def near(**values: Any) -> RuntimeConfig:
-    """Give the vessel of the references, which were made when it saw 20 m far."""
+    """Give the vessel of the references: it sees 20 m far, and follows long ships in pieces."""
     return config_for(
         "wam_v",
         name=VESSEL,
@@ -62,7 +62,8 @@ def near(**values: Any) -> RuntimeConfig:
                 "range_m": [7.2, 10.0, 16.5, 19.5],
                 "depth_m": [0.02, 0.48, 0.45, 1.0],
                 "edge_m": 17.0,
-            }
+            },
+            "ships": {"longest_m": 0.0},
         },
         observation={"perception_range_m": 20.0},
         **values,
