@@ -230,16 +230,20 @@ def _score_source(source: str, seed: int, score: VelocityScore, seconds: float =
         sensors = MarineSensors(world, MarineSettings(radar=RadarUnit()), DATUM)
     tracker = Tracker(TrackerSettings(sources={source: {"ais": AIS, "radar": RADAR}[source]}))
     senses = Senses(make_senses(fitted), tracker, Alarms())
+
+    def own_at(_stamp_ns: int) -> Odometry:
+        return world.odometry(OWN)
+
     for _ in range(round(seconds / 0.5)):
         world.advance(0.5, np.zeros((scenario.vessels, 2)))
-        own = world.odometry(OWN)
         for sensed in sensors.take():
             if sensed.vessel == OWN:
-                senses.take(sensed.topic, sensed.payload, world.stamp_ns, lambda _ns, own=own: own)
+                senses.take(sensed.topic, sensed.payload, world.stamp_ns, own_at)
         senses.listen(world.stamp_ns)
         if world.time_s < 20.0 or world.traffic is None:
             continue
-        shown = tracker.seen_by_others(world.stamp_ns, own.position_N[:2])
+        own_N = world.odometry(OWN).position_N[:2]
+        shown = tracker.seen_by_others(world.stamp_ns, own_N)
         ships_N = world.traffic.position_N, world.traffic.velocity_N
         truth = Truth(*ships_N, np.ones(len(ships)), FAR_MATCH_M)
         for k in range(len(shown.id)):

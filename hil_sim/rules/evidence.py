@@ -158,7 +158,7 @@ def from_plain(values: object, file: Path) -> Tracks:
         raise RecordingError(f"{file}: no tracks of an episode: {error}") from error
     rows = np.array(kept.tracks, np.float64).reshape(len(kept.bodies), -1, 3)
     return Tracks(
-        times=kept.step_s * np.arange(rows.shape[1]),
+        times=kept.step_s * np.arange(rows.shape[1], dtype=np.float64),
         pose_N=rows.transpose(1, 0, 2) / UNITS,
         bodies=kept.bodies,
         fixed=np.array(kept.fixed, np.float64).reshape(-1, 3),
@@ -196,7 +196,7 @@ def true_tracks(
     vanish
         Whether vessels leave the map at their goals, as they do when they have touched something.
     """
-    times = STEP_S * np.arange(int(log.times[-1] / STEP_S) + 1)
+    times = STEP_S * np.arange(int(log.times[-1] / STEP_S) + 1, dtype=np.float64)
     bodies, columns = [], []
     for k, (name, kind, result) in enumerate(
         zip(scenario.names, scenario.types, results, strict=True)
@@ -266,7 +266,7 @@ def boat_tracks(recording: Recording) -> Tracks:
     begin_ns = own[0][0]
     rows = np.array(own, np.float64)
     at = (rows[:, 0] - begin_ns) / 1e9
-    times = STEP_S * np.arange(int(at[-1] / STEP_S) + 1)
+    times = STEP_S * np.arange(int(at[-1] / STEP_S) + 1, dtype=np.float64)
     hull = _hull(recording)
     bodies = [Body(name=recording.vessel, length_m=hull[0], beam_m=hull[1], ours=True)]
     columns = [_sampled(times, at, rows[:, 1:], math.inf)]

@@ -413,20 +413,18 @@ def _alternative(
     Who stands on alters them when it is plain that the other gives no way.
     """
     count = meeting.end - meeting.begin
-    t = STEP_S * np.arange(count)
-    after = np.zeros(count)
+    t: Float64 = STEP_S * np.arange(count, dtype=np.float64)
     if meeting.role == "stand_on":
         risk, until = _risk(two, _steady(two, course, speed), s)
         plain = np.flatnonzero((risk & (until <= s.plain_s))[meeting.begin : meeting.end])
         t_plain = t[plain[0]] if len(plain) else np.inf
-        after = np.maximum(t - t_plain, 0.0)
-    else:
-        after = t
-    angle = course + np.sign(turn) * np.minimum(s.turn_rate_radps * after, abs(turn))
-    fast = np.maximum(speed - s.slowing_mps2 * after, share * speed) if share < 1.0 else speed
+        t = np.maximum(t - t_plain, 0.0)
+    angle = course + np.sign(turn) * np.minimum(s.turn_rate_radps * t, abs(turn))
+    fast = np.maximum(speed - s.slowing_mps2 * t, share * speed) if share < 1.0 else speed
     steps = STEP_S * (fast * np.exp(1j * angle))
     way = np.concatenate([[0.0], np.cumsum(steps)[:-1]])
-    return two.p[meeting.begin, 0] + np.column_stack([way.real, way.imag])
+    place: Float64 = two.p[meeting.begin, 0] + np.column_stack([way.real, way.imag])
+    return place
 
 
 def _with_ego(two: _Two, samples: slice, p: Float64) -> _Two:

@@ -135,12 +135,15 @@ def outline_of(pose: Float64, body: Body) -> Float64:
     """Give a hull seen from above, (n, 2) [m] N: pointed at the bow, or the circle it counts as."""
     if body.circle and body.length_m == body.beam_m:
         angle = np.linspace(0.0, 2 * np.pi, 33)
-        return pose[:2] + body.radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
+        circle = np.column_stack([np.cos(angle), np.sin(angle)])
+        outline: Float64 = pose[:2] + body.radius_m * circle
+        return outline
     length, beam = body.length_m / 2, body.beam_m / 2
     ahead = np.array([length, 0.6 * length, -length, -length, 0.6 * length])
     right = np.array([0.0, beam, beam, -beam, -beam])
     c, s = np.cos(pose[2]), np.sin(pose[2])
-    return pose[:2] + np.column_stack([c * ahead - s * right, s * ahead + c * right])
+    hull: Float64 = pose[:2] + np.column_stack([c * ahead - s * right, s * ahead + c * right])
+    return hull
 
 
 def _title(encounter: Encounter) -> str:

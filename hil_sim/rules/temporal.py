@@ -46,6 +46,8 @@ class TemporalSettings(Settings, frozen=True, kw_only=True):
     """[lengths] Rules 8 (d), 16: passing at a safe distance, well clear."""
     nearly_deg: Positive = 22.5
     """[deg] Rule 14: "reciprocal or nearly reciprocal", "ahead or nearly ahead"."""
+    doubt_deg: Positive = 10.0
+    """[deg] Rule 14 (c): bearings seen from a hull that yaws and crabs are in doubt by this."""
     holds_deg: Positive = 15.0
     """[deg] Rule 17 (a): within this a course is kept,"""
     holds_share: Positive = 0.3
@@ -72,8 +74,8 @@ PAST = "always[0:2s](opening > 0)"
 OVERTAKES = "(aspect > 112.5) and (own_speed > their_speed)"
 OVERTAKEN = "(abs_bearing > 112.5) and (their_speed > own_speed)"
 # Rule 14 (a), (b): "on reciprocal or nearly reciprocal courses", "sees the other ahead or nearly
-# ahead".
-HEAD_ON = "(reciprocal <= nearly) and (abs_bearing <= nearly) and (aspect <= nearly)"
+# ahead"; (c): "in any doubt as to whether such a situation exists she shall assume that it does".
+HEAD_ON = "(reciprocal <= nearly) and (abs_bearing <= doubtful) and (aspect <= doubtful)"
 # Rule 15: "the vessel which has the other on her own starboard side".
 ON_STARBOARD = "(bearing > 0) and (abs_bearing <= 112.5)"
 ON_PORT = "(bearing <= 0) and (abs_bearing <= 112.5)"
@@ -291,6 +293,7 @@ def _constants(length_m: float, s: TemporalSettings) -> dict[str, float]:
         "clear": s.clear * length_m,
         "ahead": s.ahead_s,
         "nearly": s.nearly_deg,
+        "doubtful": s.nearly_deg + s.doubt_deg,
         "holds": s.holds_deg,
         "minus_holds": -s.holds_deg,
         "slow_share": s.holds_share,
