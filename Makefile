@@ -112,7 +112,7 @@ $(VENV)/.browser: $(VENV)/bin/python
 	@touch $@
 
 $(VENV)/.installed-dev: $(VENV)/bin/python pyproject.toml constraints.txt
-	$(INSTALL) -e ".[sim,train,dev,docs]" \
+	$(INSTALL) -e ".[sim,chart,judge,train,dev,docs]" \
 		$$($(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"])') \
 		cmake ninja
 	@touch $@ $(VENV)/.installed $(VENV)/.built

@@ -27,6 +27,7 @@ from twinscrew.runtime.settings import NonNegative, Positive, Settings, load, sh
 from twinscrew.runtime.vessel.hull_settings import goal_radius
 from twinscrew.runtime.vessel.trial import room_m
 from twinscrew.runtime.vessel_description import DEFAULT, load_vessel
+from twinscrew.training import encounters
 from twinscrew.training.harbours import (
     STILL,
     CurrentField,
@@ -294,7 +295,103 @@ def current_of(case: str, seed: int) -> ScenarioFile:  # noqa: ARG001
     return replace(load(shipped("scenarios", "current"), ScenarioFile), current_share=share)
 
 
+MEETING_UNIT_M, MEETING_UNIT_MPS = 40.0, 2.5
+"""[m], [m/s] The scale of `dnv:CASE`: the own way in 15 minutes there is 8 lengths of the default
+vessel here, as in Imazu's encounters, and the own speed there about its speed here."""
+
+
+class _Situation(Settings, frozen=True, kw_only=True):
+    name: str
+    others: Annotated[
+        tuple[tuple[float, float, float, Annotated[float, Meta(gt=0.0)]], ...], Meta(min_length=1)
+    ]
+    """North, east of the own vessel, course [deg], speed; in units of the own way and speed."""
+
+
+class _Situations(Settings, frozen=True, kw_only=True):
+    situation: Annotated[tuple[_Situation, ...], Meta(min_length=1)]
+
+
+def dnv_situations() -> tuple[str, ...]:
+    """Give the names of the 55 base situations, in order: `dnv:1` is the first."""
+    return tuple(one.name for one in _dnv())
+
+
+def _dnv() -> tuple[_Situation, ...]:
+    return load(shipped("meetings", "dnv"), _Situations).situation
+
+
+def dnv_of(case: str, seed: int) -> ScenarioFile:  # noqa: ARG001  (the situations are fixed)
+    """Give `dnv:CASE`: a base situation of DNV's trafficgen (config/meetings/dnv.toml)."""
+    situation = _dnv()[_number("dnv", case, len(_dnv())) - 1]
+    others = [
+        encounters.Other(
+            (MEETING_UNIT_M * north, MEETING_UNIT_M * east),
+            course,
+            MEETING_UNIT_MPS * speed,
+            5.0,
+            2.5,
+        )
+        for north, east, course, speed in situation.others
+    ]
+    own = encounters.Own((0.0, 0.0), 0.0, (2.0 * MEETING_UNIT_M, 0.0))
+    return _meeting(encounters.Encounter(own, tuple(others)))
+
+
+def imazu_of(case: str, seed: int) -> ScenarioFile:  # noqa: ARG001
+    """Give `imazu:CASE`: one of Imazu's 22 encounters (`training.encounters`)."""
+    return _meeting(encounters.imazu(_number("imazu", case, len(encounters.IMAZU))))
+
+
+def traffic_of(case: str, seed: int) -> ScenarioFile:
+    """Give `traffic:SET`: an episode drawn as `twinscrew evaluate --traffic SET` draws them."""
+    return _meeting(encounters.draw_traffic(case, 1, seed).episodes[0])
+
+
+def _number(series: str, case: str, most: int) -> int:
+    if not case.isdecimal() or not 1 <= int(case) <= most:
+        raise ConfigError(f"{series}:{case}: a number from 1 to {most}, as {series}:1")
+    return int(case)
+
+
+def _meeting(encounter: encounters.Encounter) -> ScenarioFile:
+    """Give a scenario of one own vessel among ships that hold course and speed."""
+    own = encounter.own
+    ends = np.array([own.start_m, own.goal_m])
+    corner = ends.min(axis=0) - MEETING_MARGIN_M
+    size = np.ptp(ends, axis=0) + 2.0 * MEETING_MARGIN_M
+
+    def place(there: tuple[float, float]) -> Point:
+        north, east = (np.array(there) - corner).tolist()
+        return north, east
+
+    return ScenarioFile(
+        map_size_m=(float(size[0]), float(size[1])),
+        vessel=(
+            VesselEntry(
+                start_m=place(own.start_m), heading_deg=own.heading_deg, goal_m=place(own.goal_m)
+            ),
+        ),
+        traffic=tuple(
+            TrafficEntry(
+                start_m=place(other.start_m),
+                course_deg=other.course_deg,
+                speed_mps=other.speed_mps,
+                length_m=other.length_m,
+                beam_m=other.beam_m,
+            )
+            for other in encounter.others
+        ),
+    )
+
+
+MEETING_MARGIN_M = 15.0
+"""[m] Of water that a picture shows around the own way of a meeting."""
+
 SERIES: dict[str, Callable[[str, int], ScenarioFile]] = {
+    "dnv": dnv_of,
+    "imazu": imazu_of,
+    "traffic": traffic_of,
     "harbour": harbour_of,
     "current": current_of,
 }
@@ -568,6 +665,66 @@ def _charted(file: ScenarioFile) -> tuple[Feature, ...]:
             )
             found.append(circle)
     return tuple(found)
+
+
+AROUND_M = 2000.0
+"""[m] What an inclusion fence forbids is given to the vessels as far as this around the map."""
+
+
+def as_chart(scenario: Scenario) -> dict[str, Any]:
+    """Give a scenario's chart as the table `[chart]` of a vessel's configuration.
+
+    Circles are polygons there; what lies outside of an inclusion fence is a keep-out area with the
+    fence as its hole.
+    """
+    quays = [{"outline_m": _plain(corners_of(box)), "name": "quay"} for box in scenario.quays]
+    land = [{"outline_m": _plain(each.outline), "name": each.name} for each in scenario.land]
+    found: dict[str, Any] = {"land": [*land, *quays], "keep_out": [], "depth": [], "hazard": []}
+    for feature in scenario.charted:
+        if feature.kind == "hazard" and isinstance(feature, Disc):
+            north, east = feature.centre
+            found["hazard"].append(
+                {
+                    "north_m": north,
+                    "east_m": east,
+                    "radius_m": feature.radius_m,
+                    "name": feature.name,
+                }
+            )
+            continue
+        outline = _plain(_outline(feature))
+        if feature.kind == "depth" and isinstance(feature, Area):
+            row = {"outline_m": outline, "depth_m": feature.depth_m, "name": feature.name}
+            found["depth"].append(row)
+        elif feature.keep_in:
+            far = corners_of(
+                np.array(
+                    [
+                        *(0.5 * np.array(scenario.map_size)),
+                        *(np.array(scenario.map_size) + 2.0 * AROUND_M),
+                        0.0,
+                        0.0,
+                    ]
+                )
+            )
+            name = feature.name or "fence"
+            found["keep_out"].append({"outline_m": _plain(far), "holes_m": [outline], "name": name})
+        else:
+            found["keep_out"].append({"outline_m": outline, "name": feature.name})
+    return found
+
+
+def _outline(feature: Feature) -> Float64:
+    """Give a feature's polygon: of a forbidden circle around it, of an inclusion fence within."""
+    if isinstance(feature, Area):
+        return feature.outline
+    turn = np.arange(32) * (2.0 * np.pi / 32)
+    radius = feature.radius_m / (1.0 if feature.keep_in else math.cos(np.pi / 32))
+    return np.asarray(feature.centre + radius * np.column_stack([np.cos(turn), np.sin(turn)]))
+
+
+def _plain(ring: Float64) -> list[list[float]]:
+    return [[float(north), float(east)] for north, east in ring]
 
 
 def land_areas(land: Sequence[Land]) -> list[Area]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from twinscrew.hil_sim.faults.plan import load_plan
 from twinscrew.hil_sim.figures import draw_trajectories
 from twinscrew.hil_sim.lidar import LidarSettings
+from twinscrew.hil_sim.rules.evidence import true_tracks, write_tracks
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sitl_report import SitlReport, vessel_reports
 from twinscrew.hil_sim.sitl_runtimes import runtime_config
@@ -78,6 +79,8 @@ def sail(
     report = _report(settings, sailed, sailed.result.ended_s - begin_s)
     if folder is not None:
         _draw(folder / "trajectories.png", scenario, sailed, report)
+        if len(sailed.result.log.times) > 0:
+            write_tracks(folder, true_tracks(scenario, sailed.result.log, sailed.result.results))
     return report
 
 

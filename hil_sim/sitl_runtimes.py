@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from twinscrew.hil_sim.autopilot.telemetry import Origin
 from twinscrew.hil_sim.drivers.processes import LOOPBACK, free_port
-from twinscrew.hil_sim.scenario import Scenario
+from twinscrew.hil_sim.scenario import Scenario, as_chart
 from twinscrew.hil_sim.sensors.marine import OWN_MMSI
 from twinscrew.hil_sim.sitl_settings import Interface, OdometrySource, SitlSettings
 from twinscrew.runtime.bus.zenoh import DEFAULT_PORT, ZenohSettings
@@ -45,6 +45,7 @@ def runtime_config(
         policy=str(policy.resolve()) if policy.is_file() else settings.policy,
         odometry_source=_SOURCE[settings.odometry],
         estimation={"datum": DATUM, **sensors},
+        chart=as_chart(scenario) if settings.charted else {"from_scenario": False},
         mission={"goal_radius_m": scenario.goal_radius},
         perception=expecting(scenario.types),
         autopilot=_autopilot(settings, vessel),

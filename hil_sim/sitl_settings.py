@@ -59,6 +59,9 @@ class SitlSettings(Settings, frozen=True):
     believed: str = ""
     """What the runtimes take the vessels for: a name in config/vessels, or a file. Empty: for what
     they are."""
+    charted: bool = True
+    """Whether the vessels have the scenario's chart: land, quays, keep-out areas, depths, hazards,
+    fences."""
     seed: int = 0
     lockstep: bool = False
     processes: bool = False

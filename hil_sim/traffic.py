@@ -124,6 +124,11 @@ class Traffic:
         )
 
     @property
+    def pose_N(self) -> Float64:
+        """[m, m, rad] [N] (T, 3) North, east of their middles, heading."""
+        return np.column_stack([self.position_N, self.heading])
+
+    @property
     def boxes(self) -> Float64:
         """[m, rad] [N] (T, 6) North, east, length, beam, height, heading: as quays are told."""
         rows = [(e.length_m, e.beam_m, hull_height_m(e)) for e in self.entries]

@@ -254,6 +254,7 @@ class Foresight:
         vessel: tuple[Sequence[float], Sequence[float], Sequence[float]],
         lever: float,
         hull: Sequence[tuple[float, float]],
+        close_hull: Sequence[tuple[float, float]],
         steps: int,
         dt: float,
         slew: float,
@@ -277,6 +278,10 @@ class Foresight:
         v: NDArray[np.float64],
         radius: NDArray[np.float64],
         horizon: NDArray[np.float64],
+        shores: NDArray[np.float64],
+        clearance: float,
+        margin: float,
+        until: float,
     ) -> tuple[float, float, float, int, bool]: ...
     def judge(
         self,
@@ -288,6 +293,10 @@ class Foresight:
         v: NDArray[np.float64],
         radius: NDArray[np.float64],
         horizon: NDArray[np.float64],
+        shores: NDArray[np.float64],
+        clearance: float,
+        margin: float,
+        until: float,
     ) -> tuple[float, float, float, int, bool]: ...
 
 def pair_fits(
@@ -353,7 +362,7 @@ class LearntMap:
     def see(
         self,
         *,
-        water: FreeWater,
+        water: FreeWater | None,
         boundary: NDArray[np.float64],
         heights: NDArray[np.float64],
         seen: NDArray[np.int64],
@@ -365,6 +374,9 @@ class LearntMap:
     ) -> None: ...
     @property
     def version(self) -> int: ...
+    @property
+    def known(self) -> int:
+        """[-] Cells with some evidence of a wall."""
     def segments(self) -> NDArray[np.float64]: ...
     def free_at(self, place: tuple[float, float]) -> float: ...
     def wall_at(self, place: tuple[float, float]) -> float: ...

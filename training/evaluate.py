@@ -19,7 +19,7 @@ from scipy.stats import binomtest
 from twinscrew.runtime.errors import ConfigError, PolicyError
 from twinscrew.runtime.messages.types import Float32, Float64, Observation
 from twinscrew.runtime.policy.hull_units import in_units, units_of
-from twinscrew.runtime.policy.load import InHullUnits, Policy, load_policy
+from twinscrew.runtime.policy.load import PLANNERS, InHullUnits, Policy, load_policy
 from twinscrew.runtime.policy.metadata import (
     EXTENDED_INPUTS,
     OUTPUT_NAME,
@@ -41,7 +41,6 @@ from twinscrew.training.scenarios import Mask, ScenarioSettings, six_settings
 if TYPE_CHECKING:
     from torch import nn
 
-BASELINES = ("apf", "mpc")
 TIME_LIMIT_S = 90.0
 """[s] Longer than this under way, and the episode has failed (paper, sec. VI)."""
 BATCH = 500
@@ -90,12 +89,12 @@ def open_policy(
         There is no such policy, or it was not made for the vessel (None: the default one).
     """
     hull = vessel or load_vessel()
-    if spec in BASELINES:
+    if spec in PLANNERS:
         return OneByOne(lambda: _in_units(load_policy(spec, risk=risk, vessel=hull)))
     try:
         file = shipped("policies", spec, ".onnx")
     except ConfigError as error:
-        raise PolicyError(f"{error}; or {', '.join(BASELINES)}, or an ONNX file") from error
+        raise PolicyError(f"{error}; or {', '.join(PLANNERS)}, or an ONNX file") from error
     made = OnnxBatch(file, risk)
     check_expectation(made.metadata, PolicyExpectation(vessel=hull.name))
     return made

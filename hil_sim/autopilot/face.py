@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from twinscrew.hil_sim.autopilot.commands import execute
+from twinscrew.hil_sim.autopilot.fences import FENCE_MESSAGES
 from twinscrew.hil_sim.autopilot.rover import Rover
 from twinscrew.hil_sim.autopilot.sticks import override_values, stick_values
 from twinscrew.hil_sim.autopilot.streams import Streams
@@ -44,6 +45,7 @@ class Face:
         self.heard = False
         """Whether anybody ever spoke here."""
         self._once: list[int] = []
+        self._fetches = False
         self._now_s = rover.boot_s
         self._handlers: dict[str, Callable[[Message], None]] = {
             "RC_CHANNELS_OVERRIDE": self._on_override,
@@ -56,7 +58,7 @@ class Face:
             "PARAM_REQUEST_LIST": self._on_parameter,
             "PARAM_REQUEST_READ": self._on_parameter,
             "PARAM_SET": self._on_parameter,
-            "MISSION_REQUEST_LIST": self._on_mission_request,
+            **dict.fromkeys(FENCE_MESSAGES, self._on_mission),
         }
 
     def take(self, message: Message, now_s: float) -> None:
@@ -68,6 +70,9 @@ class Face:
 
     def say(self, moment: Callable[[], Moment], now_s: float) -> bytes:
         """Give everything that is to go out: what was handed on, answers, what is due."""
+        if self._fetches:  # by the port by which the upload began
+            self.replies += self.rover.fences.ask(now_s)
+            self._fetches = self.rover.fences.fetches
         due = self._once + self.streams.due(now_s)
         if not due and not self.replies and not self.forwarded:
             return b""
@@ -111,10 +116,10 @@ class Face:
     def _on_parameter(self, message: Message) -> None:
         self.replies.extend(self.rover.parameters.answer(message))
 
-    def _on_mission_request(self, message: Message) -> None:
+    def _on_mission(self, message: Message) -> None:
         sender = (message.get_srcSystem(), message.get_srcComponent())
-        none = mavlink.MAVLink_mission_count_message(*sender, 0, message.mission_type)
-        self.replies.append(none)
+        self.replies += self.rover.fences.take(message, sender, self._now_s)
+        self._fetches = self._fetches or self.rover.fences.fetches
 
     def _on_request_data_stream(self, message: Message) -> None:
         rate_hz = message.req_message_rate if message.start_stop else 0

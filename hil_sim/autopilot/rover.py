@@ -11,6 +11,7 @@ from enum import IntEnum
 
 from msgspec import field
 
+from twinscrew.hil_sim.autopilot.fences import Fences
 from twinscrew.hil_sim.autopilot.mixer import (
     SERVOS,
     THROTTLE_LEFT,
@@ -78,6 +79,7 @@ class Rover:
         self.radio = Radio(receiver=self.parameters["SIM_RC_FAIL"] == 0)
         self.mode = Mode.INITIALISING if settings.initialising_s > 0.0 else Mode.MANUAL
         self.armed = False
+        self.fences = Fences()
         self.failsafe = False
         """True while the radio failsafe holds the boat."""
         self.boot_s = boot_s

@@ -1,7 +1,11 @@
-"""What finding a route costs in a harbour of 500 x 500 m: on a new map, and again on the same."""
+"""What finding a route costs in a harbour of 500 x 500 m: on a new map, and again on the same.
+
+Processor time: the search is in one thread, and waits for nothing.
+"""
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
@@ -32,7 +36,7 @@ def run() -> dict[str, Any]:
 
 def _measured(vessel: str) -> dict[str, Any]:
     settings = RouteSettings(**settings_for(load_vessel(vessel)))
-    watch, found, edges, walls_m = Stopwatch(), 0, 0, 0.0
+    watch, found, edges, walls_m = Stopwatch(time.thread_time_ns), 0, 0, 0.0
     for seed in range(HARBOURS):
         rng = np.random.default_rng(seed)
         chart = harbour(rng)

@@ -45,7 +45,7 @@ def experiment(
     methods: Annotated[
         str | None,
         typer.Option(
-            help="Names with commas: apf, mpc, random, a shipped policy, or NAME=FILE.onnx."
+            help="With commas: apf, mpc, orca, sbmpc, random, a shipped policy, or NAME=FILE.onnx."
         ),
     ] = None,
     suite: Annotated[

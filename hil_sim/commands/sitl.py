@@ -38,7 +38,10 @@ NOT_ALL_ARRIVED = 1
 
 def sitl(
     scenario: Annotated[
-        str, typer.Option(help="random, head_on, crossing, overtaking, passage, or a TOML file.")
+        str,
+        typer.Option(
+            help="random, harbour, harbour:gap, fences, current:0.3, head_on, ..., or a TOML file."
+        ),
     ] = "random",
     vessels: Annotated[int | None, typer.Option(help="How many vessels.", min=1, max=20)] = None,
     buoys: Annotated[int | None, typer.Option(help="How many buoys.", min=0, max=50)] = None,
@@ -46,9 +49,12 @@ def sitl(
         list[str] | None,
         typer.Option(help="What sails: a name in config/vessels, or a file. Several: in turn."),
     ] = None,
+    chart: Annotated[
+        bool, typer.Option(help="Whether the vessels have the scenario's land and fences as chart.")
+    ] = True,
     seed: Annotated[int, typer.Option(help="What everything random is drawn from.", min=0)] = 0,
     policy: Annotated[
-        str, typer.Option(help="apf, mpc, a name in config/policies, or an ONNX file.")
+        str, typer.Option(help="apf, mpc, orca, sbmpc, a name in config/policies, or an ONNX file.")
     ] = "ac_iqn",
     trial: Annotated[
         str,
@@ -164,6 +170,7 @@ def sitl(
         trial=trial,
         trial_time_s=max_time or SitlSettings().trial_time_s,
         believed=believed,
+        charted=chart,
         seed=seed,
         lockstep=lockstep,
         processes=processes,

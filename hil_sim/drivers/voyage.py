@@ -280,4 +280,6 @@ class Voyage:
         state = self._world.state
         velocity_N = (rotations(state.q_NB) @ state.velocity_B[..., None])[:, :2, 0]
         pose = np.column_stack([state.position_N[:, :2], state.heading])
-        self._log.add(self._supervisor.elapsed_s, pose, velocity_N, state.thrust)
+        ships = self._world.traffic
+        traffic = None if ships is None else ships.pose_N
+        self._log.add(self._supervisor.elapsed_s, pose, velocity_N, state.thrust, traffic)

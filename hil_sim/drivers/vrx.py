@@ -163,7 +163,9 @@ class Vrx:
         if self._log.due(elapsed_s) and not supervisor.over:
             velocity_N = (rotations(state.q_NB) @ state.velocity_B[..., None])[:, :2, 0]
             pose = np.column_stack([state.position_N[:, :2], state.heading])
-            self._log.add(elapsed_s, pose, velocity_N, state.thrust)
+            ships = self._world.traffic
+            traffic = None if ships is None else ships.pose_N
+            self._log.add(elapsed_s, pose, velocity_N, state.thrust, traffic)
         if self._progress is not None:
             self._progress(elapsed_s, supervisor.results())
 

@@ -28,6 +28,7 @@ from twinscrew.hil_sim.experiments.plan import (
     Switches,
     Task,
     calmed,
+    chart_of,
     dynamics,
     eased,
     label,
@@ -41,7 +42,9 @@ from twinscrew.hil_sim.experiments.results import (
     EpisodeRecord,
     Timing,
     VesselRecord,
+    tracks_line,
 )
+from twinscrew.hil_sim.rules import evidence
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.supervisor import Outcome
@@ -324,13 +327,18 @@ class Sailed:
     record: EpisodeRecord
     scenario: Scenario
     voyage: VoyageResult
+    tracks: evidence.Tracks
+    """Who was where."""
 
 
-def sail_task(task: Task) -> EpisodeRecord:
-    """Sail an episode and give its results: what workers run."""
-    record = sail_episode(task).record
+def sail_task(task: Task) -> tuple[EpisodeRecord, bytes]:
+    """Sail an episode and give its results, and a line of its tracks: what workers run."""
+    sailed = sail_episode(task)
+    line = tracks_line(sailed.record.key, sailed.tracks)
+    record = sailed.record
+    del sailed
     give_back()
-    return record
+    return record, line
 
 
 def sail_episode(task: Task, folder: Path | None = None) -> Sailed:
@@ -343,7 +351,7 @@ def sail_episode(task: Task, folder: Path | None = None) -> Sailed:
     """
     begin_s = time.perf_counter()
     try:
-        scenario = eased(task.set.draw(task.seed), task.switches)
+        scenario = eased(task.set.draw(task.seed, task.episode), task.switches)
         world = _world(scenario, task)
         crew = _crew(world, task, folder)
         voyage = _sail(world, crew, task)
@@ -352,7 +360,12 @@ def sail_episode(task: Task, folder: Path | None = None) -> Sailed:
         raise TwinscrewError(f"episode ({where}): {error}") from error
     wall_s = time.perf_counter() - begin_s
     return Sailed(
-        record=make_record(task, world, crew, voyage, wall_s), scenario=scenario, voyage=voyage
+        record=make_record(task, world, crew, voyage, wall_s),
+        scenario=scenario,
+        voyage=voyage,
+        tracks=evidence.true_tracks(
+            scenario, voyage.log, voyage.results, vanish="vanish" in task.switches
+        ),
     )
 
 
@@ -380,6 +393,7 @@ def _config(task: Task, scenario: Scenario, vessel: int, folder: Path | None) ->
         policy=CLASSICAL[0] if by_chance else task.method.policy,  # `_pipeline` replaces it
         assurance=unassured(task.switches),
         envelope={"enabled": False},  # methods are compared, not what the boat does outside it
+        chart=chart_of(task.switches, scenario),
         mission={"goal_radius_m": scenario.goal_radius},
         perception=expecting(scenario.types),
         autopilot={"system_id": vessel + 1, "arm": True, "receiver_fitted": False},

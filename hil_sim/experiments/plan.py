@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import msgspec
 import numpy as np
@@ -19,12 +19,12 @@ from msgspec import Meta, structs
 
 from twinscrew.hil_sim.experiments import chance
 from twinscrew.hil_sim.random_scenario import Buoys, Vessels
-from twinscrew.hil_sim.scenario import Scenario, load_scenario
+from twinscrew.hil_sim.scenario import Scenario, as_chart, load_scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.supervisor import SupervisorSettings
 from twinscrew.hil_sim.vessel.dynamics import DynamicsSettings, as_vrx
 from twinscrew.runtime.errors import ConfigError, PolicyError, one_of
-from twinscrew.runtime.policy.load import load_policy
+from twinscrew.runtime.policy.load import PLANNERS, load_policy
 from twinscrew.runtime.settings import CONFIG_DIR, Count, Settings, load, shipped
 from twinscrew.runtime.vessel_description import VesselDescription, load_vessel
 
@@ -38,6 +38,8 @@ class SetSettings(Settings, frozen=True, kw_only=True):
     """What tables call it."""
     scenario: str = "random"
     """A name in config/scenarios, SERIES:CASE (`hil_sim.scenario.SERIES`), or a file."""
+    cases: tuple[str, ...] = ()
+    """Scenarios that the episodes sail in turn, instead of that one."""
     vessels: Vessels | None = None
     """[-] None: the scenario says it."""
     buoys: Buoys | None = None
@@ -45,9 +47,10 @@ class SetSettings(Settings, frozen=True, kw_only=True):
     types: tuple[str, ...] = ()
     """What sails, in turn: names in config/vessels, or files; none: the scenario says it."""
 
-    def draw(self, seed: int) -> Scenario:
+    def draw(self, seed: int, episode: int = 0) -> Scenario:
         """Give an episode's beginning; a `ConfigError` if there can be none."""
-        return load_scenario(self.scenario, self.vessels, self.buoys, seed, self.types)
+        scenario = self.cases[episode % len(self.cases)] if self.cases else self.scenario
+        return load_scenario(scenario, self.vessels, self.buoys, seed, self.types)
 
 
 class SetsFile(Settings, frozen=True, kw_only=True):
@@ -97,6 +100,7 @@ ABLATIONS = {
     "no_wind": "no wind",
     "no_waves": "flat water",
     "no_assurance": "the policy's thrust goes to the propellers unchecked, as in the paper",
+    "no_chart": "the vessels have no chart: of land they know what their sensors see",
     "ideal_thrust": "commands reach the propellers as they are, not as the autopilot's pulses",
     "training_vessel": "mass, inertia, drag and thrusters of the training environment",
     "as_vrx": "VRX's own physics: wind coefficients along the world's axes, steps of 50 ms",
@@ -180,6 +184,11 @@ def unassured(switches: Switches) -> dict[str, bool]:
     return {"enabled": False} if "no_assurance" in switches else {}
 
 
+def chart_of(switches: Switches, scenario: Scenario) -> dict[str, Any]:
+    """Give the chart that a scenario's vessels have: their configuration's table `[chart]`."""
+    return {"from_scenario": False} if "no_chart" in switches else as_chart(scenario)
+
+
 def supervision(switches: Switches) -> SupervisorSettings:
     """Say what becomes of a vessel that has arrived."""
     return SupervisorSettings(after_goal="vanish" if "vanish" in switches else "hold")
@@ -187,7 +196,7 @@ def supervision(switches: Switches) -> SupervisorSettings:
 
 # -- What an experiment consists of: methods, sets, episodes, variants; and each episode's seed.
 
-CLASSICAL = ("apf", "mpc")
+CLASSICAL = PLANNERS
 CHANCE = chance.NAME
 
 
@@ -197,7 +206,7 @@ class Method(Settings, frozen=True, kw_only=True):
     name: str
     """What tables call it."""
     policy: str
-    """`apf`, `mpc`, `random`, the name of a shipped policy, or an ONNX file."""
+    """`apf`, `mpc`, `orca`, `random`, the name of a shipped policy, or an ONNX file."""
     sha256: str
     """Of the policy's file, or of the baseline's settings: what was tested."""
 

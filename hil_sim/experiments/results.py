@@ -1,4 +1,4 @@
-"""An experiment's folder: experiment.json, results.jsonl (one line an episode), beginnings.json.
+"""An experiment's folder: experiment.json, results.jsonl, tracks.jsonl, beginnings.json.
 
 The folder carries its experiment and takes no other experiment's episodes. A line counts once its
 newline is on the disk, so that neither a crash nor a full disk loses an episode.
@@ -12,6 +12,7 @@ import os
 import shutil
 import subprocess
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Self
@@ -20,6 +21,7 @@ import msgspec
 import numpy as np
 
 from twinscrew.hil_sim.experiments.plan import Experiment, Key, SetSettings, episode_seed
+from twinscrew.hil_sim.rules.evidence import Tracks, as_plain, from_plain
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.world import Touched
 from twinscrew.runtime.errors import NOT_THE_FORMAT, ConfigError, RecordingError
@@ -278,6 +280,7 @@ class ResultsFile:
         self.records: list[EpisodeRecord] = []
         self._descriptor = -1
         self._size = 0
+        self._tracks_whole = False
 
     def __enter__(self) -> Self:
         """Open, lock, read, and cut off a half-written last line.
@@ -312,14 +315,19 @@ class ResultsFile:
     ) -> None:
         self._close()
 
-    def append(self, record: EpisodeRecord) -> None:
+    def append(self, record: EpisodeRecord, tracks: bytes = b"") -> None:
         """Add an episode; it is on the disk when this returns.
+
+        Its tracks, a line of `tracks_line`, go into their own file before it: whoever has an
+        episode's line has its tracks, unless it was sailed before tracks were kept.
 
         Raises
         ------
         RecordingError
             The disk is full, or failed: the file is as it was before.
         """
+        if tracks:
+            self._add_tracks(tracks)
         line = _ENCODER.encode(record) + b"\n"
         try:
             _write_all(self._descriptor, line)
@@ -332,6 +340,29 @@ class ResultsFile:
             ) from error
         self._size += len(line)
         self.records.append(record)
+
+    def _add_tracks(self, line: bytes) -> None:
+        """Add a line of tracks; half a line from before is cut off first."""
+        path = self.path.with_name(TRACKS_FILE)
+        try:
+            with path.open("a+b") as file:
+                if not self._tracks_whole:
+                    file.truncate(_whole_bytes(path.read_bytes()))
+                    self._tracks_whole = True
+                size = file.seek(0, os.SEEK_END)
+                try:
+                    file.write(line)
+                    file.flush()
+                except OSError:
+                    with suppress(OSError):
+                        file.truncate(size)
+                    self._tracks_whole = False
+                    raise
+        except OSError as error:
+            raise RecordingError(
+                f"{path}: {error.strerror or error}; {len(self.records)} episodes are kept: "
+                "make room, then go on with --resume"
+            ) from error
 
     def _take_back(self) -> None:
         """Remove what was written of a line; what cannot be removed is ignored when read."""
@@ -361,7 +392,7 @@ def _read(path: Path) -> bytes:
 
 def _parse(path: Path, data: bytes) -> tuple[list[EpisodeRecord], int]:
     """Give the episodes, and how many bytes hold whole lines."""
-    whole = data.rfind(b"\n") + 1
+    whole = _whole_bytes(data)
     records: list[EpisodeRecord] = []
     lines: dict[Key, int] = {}
     for number, line in enumerate(data[:whole].splitlines(), start=1):
@@ -376,10 +407,61 @@ def _parse(path: Path, data: bytes) -> tuple[list[EpisodeRecord], int]:
     return records, whole
 
 
+def _whole_bytes(data: bytes) -> int:
+    """Give how many bytes hold whole lines."""
+    return data.rfind(b"\n") + 1
+
+
 def _timeless(record: EpisodeRecord) -> dict[str, object]:
     plain: dict[str, object] = msgspec.to_builtins(record)
     del plain["timing"]
     return plain
+
+
+# -- tracks.jsonl: who was where in every episode, a line each, for judges of the rules of the road.
+
+TRACKS_FILE = "tracks.jsonl"
+
+
+class _TracksLine(Settings, frozen=True, kw_only=True):
+    method: str
+    set: str
+    variant: str
+    episode: int
+    tracks: msgspec.Raw
+
+
+def tracks_line(key: Key, tracks: Tracks) -> bytes:
+    """Give the line that keeps an episode's tracks."""
+    raw = msgspec.Raw(msgspec.json.encode(as_plain(tracks)))
+    return _ENCODER.encode(_TracksLine(**key._asdict(), tracks=raw)) + b"\n"
+
+
+def read_tracks_of(folder: Path) -> dict[Key, Tracks]:
+    """Give the tracks of a folder's episodes: of those that have any.
+
+    An episode that was sailed twice, as its worker died, has its last tracks.
+
+    Raises
+    ------
+    RecordingError
+        The file cannot be read, or a whole line holds no tracks.
+    """
+    path = folder / TRACKS_FILE
+    if not path.is_file():
+        return {}
+    data = _read(path)
+    found = {}
+    for number, line in enumerate(data[: _whole_bytes(data)].splitlines(), start=1):
+        where = Path(f"{path}:{number}")
+        try:
+            one = msgspec.json.decode(line, type=_TracksLine)
+            values = msgspec.json.decode(one.tracks)
+        except NOT_THE_FORMAT as error:
+            raise RecordingError(f"{where}: no tracks of an episode: {error}") from error
+        key = Key(one.method, one.set, one.variant, one.episode)
+        found[key] = from_plain(values, where)
+    return found
 
 
 # -- How every episode begins, as a file, for other simulators to run the same ones.
@@ -438,7 +520,7 @@ def write_beginnings(folder: Path, experiment: Experiment) -> None:
 
 
 def _beginning(experiment: Experiment, one: SetSettings, episode: int) -> Beginning:
-    scenario: Scenario = one.draw(episode_seed(experiment.seed, one.name, episode))
+    scenario: Scenario = one.draw(episode_seed(experiment.seed, one.name, episode), episode)
     return Beginning(
         starts=_rows(scenario.starts), goals=_rows(scenario.goals), buoys=_rows(scenario.buoys)
     )

@@ -149,8 +149,8 @@ def run(
         if progress is not None:
             progress(kept, total)  # what was there before is no measure of speed
         missing = [task for task in tasks(experiment) if key_of(task) not in done]
-        for record in in_parallel(sail_task, missing, jobs, engine):
-            file.append(record)
+        for record, tracks in in_parallel(sail_task, missing, jobs, engine):
+            file.append(record, tracks)
             if progress is not None:
                 progress(len(file.records), total)
         return Finished(list(file.records), kept)

@@ -141,7 +141,45 @@ def _rounded(value: float) -> float | None:
 
 NO_CONTACT = Aim(figure="contacts", most=0)
 
+MEETING_METHODS = "ac_iqn,mpc,orca,apf"
+"""The shipped policy, and what people would use instead."""
+
 SUITES: Mapping[str, Suite] = {
+    "imazu": Suite(
+        about="Does a vessel pass Imazu's 22 encounters, at 8 lengths of the default vessel to the "
+        "point where all would meet, among others that hold course and speed?",
+        sets=(SetSettings(name="imazu", cases=tuple(f"imazu:{k}" for k in range(1, 23))),),
+        count=arrivals,
+        aims=(Aim(figure="arrived_rate", least=1.0), NO_CONTACT),
+        episodes=22,
+        methods=MEETING_METHODS,
+    ),
+    "dnv": Suite(
+        about="Does a vessel pass the 55 base situations of DNV's trafficgen, scaled so that the "
+        "way of 15 minutes there is 8 lengths of the default vessel, among others that hold course "
+        "and speed?",
+        sets=(SetSettings(name="dnv", cases=tuple(f"dnv:{k}" for k in range(1, 56))),),
+        count=arrivals,
+        aims=(Aim(figure="arrived_rate", least=1.0), NO_CONTACT),
+        episodes=55,
+        methods=MEETING_METHODS,
+    ),
+    "traffic": Suite(
+        about="Does a vessel arrive among others that hold course and speed, drawn as `evaluate "
+        "--traffic` draws them?",
+        sets=tuple(
+            SetSettings(name=name, scenario=f"traffic:{name}")
+            for name in ("slow", "fast", "large", "anchored")
+        ),
+        count=arrivals,
+        aims=(
+            Aim(figure="arrived_rate", least=0.995, sets=("slow",)),
+            Aim(figure="arrived_rate", least=0.985, sets=("fast",)),
+            Aim(figure="arrived_rate", least=0.99, sets=("large",)),
+            Aim(figure="arrived_rate", least=1.0, sets=("anchored",)),
+        ),
+        methods=MEETING_METHODS,
+    ),
     "harbours": Suite(
         about="Do three vessels arrive in harbours drawn afresh, with quays, dead ends, finger "
         "piers, piles and gaps down to 1.6 beams?",

@@ -305,9 +305,9 @@ class _Reader:
             if said == "ignore":
                 self.ignored["ignore"] += 1
                 return None, -math.inf
-            for kind in KINDS:
-                if said == kind:
-                    return kind, self._depth(properties, "depth_m")
+            for known in KINDS:
+                if said == known:
+                    return known, self._depth(properties, "depth_m")
             raise self._refuse(one_of(said, (*KINDS, "ignore")), "properties.twinscrew")
         name = properties.get("class") or properties.get("layer")
         if name is None:
@@ -358,10 +358,10 @@ class _Reader:
         parts = given if str(kind).startswith("Multi") else [given]
         for part in parts:
             if single == "Point":
-                (place,) = self._line([part], "a point")
+                north, east = self._line([part], "a point")[0].tolist()
                 radius = properties.get("radius_m", self._radius_m)
                 radius_m = self._number(radius, "properties.radius_m", 0.01, FAR_M)
-                yield _Circle(*place.tolist(), radius_m)
+                yield _Circle(north, east, radius_m)
             elif single == "LineString":
                 yield from self._strip(self._line(part, "a line"), properties)
             else:

@@ -12,13 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from twinscrew.runtime._native import RoutePlanner
+from twinscrew.runtime._native import RoutePlanner, legs_clearance
 from twinscrew.runtime.charts.static_map import StaticMap
-from twinscrew.runtime.messages.types import Float64
+from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
 from twinscrew.runtime.vessel_description import VesselDescription, load_vessel
 
@@ -76,7 +76,7 @@ class RouteSettings(Settings, frozen=True, kw_only=True):
             raise ValueError("clearance_m must be greater than least_clearance_m")
 
 
-def settings_for(vessel: VesselDescription) -> dict[str, float]:
+def settings_for(vessel: VesselDescription) -> dict[str, Any]:
     """Give what of the settings follows from a hull."""
     return {
         "least_clearance_m": _least_m(vessel),
@@ -253,3 +253,227 @@ def _square(low: Float64, high: Float64) -> tuple[float, float, float]:
 
 def _pair(place: Float64) -> tuple[float, float]:
     return float(place[0]), float(place[1])
+
+
+class Aim(NamedTuple):
+    """What to steer for."""
+
+    place_N: Float64 | None
+    """[m] [N] (2,) The goal itself, or a place on the way there; None: nowhere, hold."""
+    news: str = ""
+    """What there is to tell of the route: it was found, or found anew, in plain words."""
+    trouble: str = ""
+    """Why no route leads to the goal; told when that begins, and for each new goal."""
+
+
+class Guidance:
+    """Follows a route: gives the farthest place on it that is in sight, and finds it anew.
+
+    It is found anew for another goal, another map, learnt walls in its way, another drift, and when
+    the vessel has left it. No clock and no randomness: time comes with the stamps.
+
+    Parameters
+    ----------
+    settings
+        Clearances.
+    reach_m
+        [m] The place to steer for is no farther away along the route: what a policy is shown.
+    """
+
+    def __init__(self, settings: RouteSettings | None = None, reach_m: float = 55.0) -> None:
+        self.settings = settings or RouteSettings()
+        self.reach_m = reach_m
+        self._map = StaticMap.empty()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the route."""
+        self._goal_N: tuple[float, float] | None = None
+        self.route: Route | None = None
+        """The last one that was looked for; None while the way to the goal is straight."""
+        self._router = Router(self.settings, self._map)
+        self._legs = np.empty((0, 2, 2))
+        self._clear_m: list[float] = []
+        self._along_m: Float64 = np.zeros(1)
+        self._drift_N = np.zeros(2)
+        self._walls: Float64 = NO_WALLS
+        self._searched_ns = 0
+        self._at_leg = 0
+
+    @property
+    def ahead_N(self) -> Float64:
+        """[m] [N] (M, 2) The places of the route that are still ahead, the goal last."""
+        return self._legs[self._at_leg :, 1]
+
+    def step(
+        self,
+        stamp_ns: int,
+        place_N: Float64,
+        goal_N: Float64,
+        static_map: StaticMap,
+        walls: Float64 = NO_WALLS,
+        drift_N: Float64 | None = None,
+    ) -> Aim:
+        """Give what to steer for now.
+
+        Parameters
+        ----------
+        stamp_ns
+            [ns] Now.
+        place_N, goal_N : (2,) float64
+            [m] [N] Where the vessel is, and where it is to go.
+        static_map
+            What is fixed.
+        walls : (S, 2, 2) float64
+            [m] [N] What the LiDAR has learnt; the same array as long as nothing has changed.
+        drift_N : (2,) float64, optional
+            [m/s] [N] How wind and current push the vessel.
+
+        Returns
+        -------
+        Aim
+            The goal itself where nothing is fixed, and where only learnt walls are and none stands
+            in the straight way: then the policy finds its way alone, as it was trained to.
+        """
+        if not self.settings.enabled or (static_map.is_empty and not len(walls)):
+            self._leave(static_map)
+            return Aim(goal_N)
+        if static_map.is_empty and self._is_straight(place_N, goal_N, walls):
+            self._leave(static_map)
+            return Aim(goal_N)
+        drift_N = np.zeros(2) if drift_N is None else drift_N
+        since_s = (stamp_ns - self._searched_ns) / NANOSECONDS_PER_SECOND
+        is_new = self._goal_N != _pair(goal_N) or self._map.version != static_map.version
+        is_due = not 0.0 <= since_s < self.settings.again_s
+        news = trouble = ""
+        if is_new or (is_due and self._is_outdated(place_N, walls, drift_N)):
+            was_found = not is_new and self.route is not None and not self.route.reason
+            self._search(stamp_ns, place_N, goal_N, static_map, walls, drift_N)
+            news, trouble = self._told(is_new=is_new, was_found=was_found)
+        if self.route is None or self.route.reason:
+            return Aim(None, news, trouble)
+        return Aim(self._ahead(place_N, goal_N), news, trouble)
+
+    # -- The route.
+
+    def _leave(self, static_map: StaticMap) -> None:
+        """Forget the route: the way is straight."""
+        self._map = static_map
+        if self._goal_N is not None:
+            self.reset()
+
+    def _is_straight(self, place_N: Float64, goal_N: Float64, walls: Float64) -> bool:
+        """Tell whether the straight way to the goal keeps the least clearance from the walls."""
+        leg = np.array([[place_N, goal_N]])
+        return float(legs_clearance(leg, walls)[0]) >= self.settings.least_clearance_m
+
+    def _search(
+        self,
+        stamp_ns: int,
+        place_N: Float64,
+        goal_N: Float64,
+        static_map: StaticMap,
+        walls: Float64,
+        drift_N: Float64,
+    ) -> None:
+        if static_map.version != self._map.version or walls is not self._walls:
+            self._map, self._walls = static_map, walls
+            self._router = Router(self.settings, static_map, walls)
+        self._goal_N, self._drift_N, self._searched_ns = _pair(goal_N), drift_N, stamp_ns
+        self.route = self._router.route(place_N, goal_N, drift_N)
+        places = self.route.places_N
+        self._legs, self._at_leg = np.stack([places[:-1], places[1:]], axis=1), 0
+        self._clear_m = [self._router.clearance(a, b) for a, b in self._legs]
+        lengths = np.hypot(*(self._legs[:, 1] - self._legs[:, 0]).T)
+        self._along_m = np.concatenate([[0.0], np.cumsum(lengths)])
+
+    def _is_outdated(self, place_N: Float64, walls: Float64, drift_N: Float64) -> bool:
+        """Tell whether the route is to be found anew."""
+        settings = self.settings
+        if self.route is None or self.route.reason:
+            return True
+        if not self._router.covers(place_N):
+            return True
+        if float(np.hypot(*(drift_N - self._drift_N))) > settings.drift_change_mps:
+            return True
+        if walls is not self._walls and len(walls):
+            ahead = self._legs[self._at_leg :]
+            clear = legs_clearance(ahead, walls)
+            if (clear < 0.95 * np.minimum(settings.least_clearance_m, self._clear_ahead)).any():
+                return True
+        _, off_m = self._nearest(place_N)
+        return off_m > 2.0 * settings.clearance_m or self._in_sight(place_N) is None
+
+    @property
+    def _clear_ahead(self) -> Float64:
+        return np.array(self._clear_m[self._at_leg :])
+
+    def _told(self, *, is_new: bool, was_found: bool) -> tuple[str, str]:
+        """Say what the search gave, if that is news."""
+        assert self.route is not None  # noqa: S101  (it was just looked for)
+        if self.route.reason:
+            return "", self.route.reason if is_new or was_found else ""
+        if len(self._legs) == 1 and (is_new or was_found):
+            return "", ""
+        words = f"{self.route.length_m:.0f} m in {len(self._legs)} legs"
+        return f"{words}, found anew" if was_found else words, ""
+
+    # -- The place to steer for.
+
+    def _ahead(self, place_N: Float64, goal_N: Float64) -> Float64:
+        found = self._in_sight(place_N)
+        if found is None:
+            found = self._legs[self._at_leg, 1]
+        at_goal = _pair(found) == self._goal_N
+        return goal_N if at_goal else found
+
+    def _in_sight(self, place_N: Float64) -> Float64 | None:
+        """Give the farthest place of the route within reach that is in sight; None if none is.
+
+        In sight is what lies at the end of a straight way with nearly the clearance that the
+        route itself keeps up to there. Close to a wall, as after a push, it is the next corner.
+        """
+        settings, router = self.settings, self._router
+        done_m, _ = self._nearest(place_N)
+        own_m = router.clearance(place_N, place_N)
+        least_m = settings.least_clearance_m
+        corner: Float64 = self._legs[self._at_leg, 1]
+        if own_m < least_m and self._clear_m[self._at_leg] < least_m:
+            return corner  # out of where it is too near
+        last_m = min(done_m + self.reach_m, float(self._along_m[-1]))
+        corners = self._along_m[(self._along_m > done_m) & (self._along_m < last_m)]
+        samples = np.linspace(last_m, done_m, SAMPLES, endpoint=False)
+        for along_m in sorted({*samples.tolist(), *corners.tolist()}, reverse=True):
+            leg = min(int(np.searchsorted(self._along_m, along_m)), len(self._legs)) - 1
+            route_m = min(self._clear_m[self._at_leg : leg + 1])
+            wanted_m = SIGHT_SHARE * min(settings.clearance_m, own_m, route_m)
+            place = self._place(leg, along_m)
+            clear_m = router.clearance(place_N, place)
+            if clear_m > 0.0 and clear_m >= wanted_m:
+                return place
+        return None
+
+    def _place(self, leg: int, along_m: float) -> Float64:
+        """Give the place on a leg that is so far along the route."""
+        begin, end = self._along_m[leg], self._along_m[leg + 1]
+        share = min((along_m - begin) / max(end - begin, 1e-9), 1.0)
+        if share >= 1.0:
+            last: Float64 = self._legs[leg, 1]
+            return last
+        place: Float64 = self._legs[leg, 0] + share * (self._legs[leg, 1] - self._legs[leg, 0])
+        return place
+
+    def _nearest(self, place_N: Float64) -> tuple[float, float]:
+        """Give how far along the route the vessel is [m], and how far off it [m].
+
+        It never goes back to a leg that it has left.
+        """
+        legs = self._legs[self._at_leg :]
+        way = legs[:, 1] - legs[:, 0]
+        length2 = np.maximum((way**2).sum(axis=1), 1e-12)
+        share = np.clip(((place_N - legs[:, 0]) * way).sum(axis=1) / length2, 0.0, 1.0)
+        off = np.hypot(*(legs[:, 0] + share[:, None] * way - place_N).T)
+        k = int(off.argmin())
+        self._at_leg += k
+        along = self._along_m[self._at_leg] + float(share[k]) * math.sqrt(float(length2[k]))
+        return float(along), float(off[k])

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -27,6 +27,11 @@ FOUND_S: Final = 5.0
 """[s] How long to look for somebody who listens."""
 ENABLE_EVERY_S: Final = 0.2
 """[s] Between two enables: five fit into the time after which a boat stops."""
+ANSWER_S: Final = 1.0
+"""[s] How long to wait for the boat's word on a goal; it comes within a scan or a tick."""
+TAKEN: Final = ("goal_set", "station_set")
+"""Events by which a boat says that it has taken an order; those by which it refuses one:"""
+REFUSED: Final = ("goal_forbidden", "goal_frame", "station_refused")
 FLUSH_S: Final = 0.1
 """[s] For what was sent last to leave."""
 
@@ -53,7 +58,7 @@ def goal(
     if not (abs(x) < 1e8 and abs(y) < 1e8):
         raise ConfigError(f"{x}, {y} is no place on the water", key="goal")
     place = Goal(stamp_ns=0, position_N=np.array([y, x]))  # stamp 0: now, as in ROS
-    with _bus(config, "goal") as bus:
+    with _bus(config, "goal") as bus, _answer(bus):
         bus.publish("goal", cdr.encode_goal(place, frame_id=frame))
 
 
@@ -82,7 +87,7 @@ def hold(
         raise ConfigError(f"must be in [-360, 360] deg, got {heading:g}", key="--heading")
     bow = None if heading is None else math.radians(heading)
     place = Station(stamp_ns=0, position_N=np.array([north, east]), heading=bow)
-    with _bus(config, "hold") as bus:
+    with _bus(config, "hold") as bus, _answer(bus):
         bus.publish("hold", cdr.encode_station(place))
 
 
@@ -122,6 +127,34 @@ def disable(config: Config = None) -> None:
 
     with _bus(config, "enable") as bus:
         bus.publish("enable", cdr.encode_enable(False))
+
+
+@contextmanager
+def _answer(bus: ZenohBus) -> Iterator[None]:
+    """Wait for the boat's word on what is sent meanwhile; a refusal is raised in its words."""
+    from queue import Empty, SimpleQueue
+
+    from twinscrew.runtime.bus.base import Received
+    from twinscrew.runtime.errors import MessageError, TwinscrewError
+    from twinscrew.runtime.messages import cdr
+    from twinscrew.runtime.messages.types import HealthEvent
+
+    said: SimpleQueue[HealthEvent] = SimpleQueue()
+
+    def hear(message: Received) -> None:
+        with suppress(MessageError):
+            for event in cdr.decode_diagnostics(message.payload):
+                if event.name in (*TAKEN, *REFUSED):
+                    said.put(event)
+
+    bus.subscribe("diagnostics", hear)
+    yield
+    try:
+        event = said.get(timeout=ANSWER_S)
+    except Empty:
+        return  # it was heard, but a boat need not tell
+    if event.name in REFUSED:
+        raise TwinscrewError(f"refused ({event.name}): {event.detail}")
 
 
 @contextmanager

@@ -12,6 +12,7 @@ import re
 import shutil
 import socket
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -23,11 +24,13 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from twinscrew.runtime.charts.chart import read_chart
 from twinscrew.runtime.errors import ConfigError, TwinscrewError
 from twinscrew.runtime.policy.observation import nothing_seen
 from twinscrew.runtime.settings import shipped
 from twinscrew.runtime.vessel.approval import load_approved
-from twinscrew.runtime.vessel.config import RuntimeConfig, sensor_of
+from twinscrew.runtime.vessel.config import RuntimeConfig, datum_of, sensor_of
+from twinscrew.runtime.vessel.vessel import chart_of
 from twinscrew.runtime.vessel_description import load_vessel
 
 if TYPE_CHECKING:
@@ -79,6 +82,7 @@ PACKAGES = (
     "pymavlink",
     "rosbags",
     "mcap",
+    "shapely",
 )
 
 
@@ -114,6 +118,29 @@ def check_sensor(config: RuntimeConfig) -> Finding:
     sensor = sensor_of(config)
     rays = f"{len(sensor.elevations)} x {len(sensor.azimuths)} rays"
     return ok("sensor", f"{config.sensor}: {rays}, {sensor.rate_hz:g} Hz")
+
+
+def check_chart(config: RuntimeConfig) -> Finding:
+    """Read the chart as the runtime does; say what it forbids, and what of it was left out."""
+    chart, read = chart_of(config), read_chart(config.chart, datum_of(config))
+    if not read.features:
+        return ok("chart", "none: nothing is known of land, shallow water or keep-out areas")
+    kinds = Counter(feature.kind for feature in read.features)
+    found = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
+    found += f"; {len(chart.edges)} edges, safety depth {chart.safety_depth_m:g} m"
+    if read.ignored:
+        found += f"; forbids nothing: {', '.join(sorted(read.ignored))}"
+    if read.repaired:
+        found += f"; {read.repaired} outlines repaired"
+    if read.far:
+        advice = "cut the chart to the water where the boat sails"
+        return warn("chart", f"{found}; {read.far} features are too far away, left out", advice)
+    why = chart.why(np.zeros(2))
+    if why:
+        return warn(
+            "chart", f"{found}; the origin of frame N is {why}", "is autopilot.datum right?"
+        )
+    return ok("chart", found)
 
 
 def check_autopilot_port(config: RuntimeConfig) -> Finding:
@@ -455,6 +482,7 @@ def examine(config: RuntimeConfig, folder: Path, sources: Sources | None = None)
         ("permissions", lambda: check_permissions(config)),
         ("network", lambda: check_network(config)),
         ("sensor", lambda: check_sensor(config)),
+        ("chart", lambda: check_chart(config)),
         ("policy", lambda: check_policy(config)),
         ("policy card", lambda: check_card(config)),
         ("autopilot port", lambda: check_autopilot_port(config)),

@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
+import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from twinscrew.runtime.charts.static_map import Feature
+from twinscrew.runtime.ground.fences import FENCE, FenceItem, Misfit, features_of, read_item
 from twinscrew.runtime.ground.orders import (
     DEGREES_PER_UNIT,
     LOCAL,
@@ -73,8 +76,10 @@ class Item:
         told = self.holds and math.isfinite(yaw_deg) and yaw_deg != 0.0
         return math.radians(yaw_deg) if told else None
 
-    def message(self, station: tuple[int, int], seq: int, *, current: bool) -> Message:
-        """Give the message that tells it to a station."""
+    def message(
+        self, station: tuple[int, int], seq: int, *, current: bool = False, kind: int = 0
+    ) -> Message:
+        """Give the message that tells it to a station, as part of a mission of a type."""
         return mavlink.MAVLink_mission_item_int_message(
             *station,
             seq,
@@ -86,6 +91,7 @@ class Item:
             self.x,
             self.y,
             self.z,
+            kind,
         )
 
 
@@ -182,22 +188,69 @@ class StoredMission:
         return self._settings.home == "first"
 
 
-# -- A stored mission, told to whoever asks.
+class StoredFence:
+    """Keeps the fences that stations have uploaded, where somebody honours them."""
+
+    def __init__(self, frames: GoalFrames) -> None:
+        self.items: tuple[Item, ...] = ()
+        self.honour: Callable[[tuple[Feature, ...]], str] = lambda _: ""
+        """Takes fences in place of those before; gives why they cannot be kept, empty if they
+        can."""
+        self._frames = frames
+
+    def read(self, item: Item) -> FenceItem | Fault:
+        """Read an item as it comes."""
+        command, param1 = item.command, item.params[0]
+        return read_item(command, item.frame, param1, item.x, item.y, self._frames)
+
+    def keep(self, items: tuple[Item, ...]) -> Misfit | None:
+        """Take fences in place of those before; or tell which item is wrong, and why."""
+        read = []
+        for seq, item in enumerate(items):
+            one = self.read(item)
+            if isinstance(one, Fault):
+                return Misfit(seq, one)
+            read.append(one)
+        features = features_of(read)
+        if isinstance(features, Misfit):
+            return features
+        words = self.honour(features)
+        if words:
+            return Misfit(0, Fault(mavlink.MAV_MISSION_DENIED, words))
+        self.items = items
+        return None
+
+
+# -- What is stored, told to whoever asks.
 
 MISSION = int(mavlink.MAV_MISSION_TYPE_MISSION)
+KINDS: Final = {MISSION: "mission", FENCE: "fence"}
+"""What is kept, by MAV_MISSION_TYPE, and its word."""
 
 
-def download(message: Message, mission: StoredMission, station: tuple[int, int]) -> Message:
-    """Answer MISSION_REQUEST_LIST, MISSION_REQUEST or MISSION_REQUEST_INT."""
+def download(
+    message: Message, items: Sequence[Item], station: tuple[int, int], current: int = -1
+) -> Message:
+    """Answer MISSION_REQUEST_LIST, MISSION_REQUEST or MISSION_REQUEST_INT.
+
+    Parameters
+    ----------
+    message
+        The request.
+    items
+        What is kept of the type that is asked for.
+    station
+        Who asks.
+    current
+        [-] The item that is headed for.
+    """
     kind = kind_of(message)
-    if kind != MISSION:
-        return acknowledgement(station, mavlink.MAV_MISSION_UNSUPPORTED, kind)
     if message.get_type() == "MISSION_REQUEST_LIST":
-        return mavlink.MAVLink_mission_count_message(*station, len(mission.items))
+        return mavlink.MAVLink_mission_count_message(*station, len(items), kind)
     seq = message.seq
-    if seq >= len(mission.items):
-        return acknowledgement(station, mavlink.MAV_MISSION_INVALID_SEQUENCE)
-    return mission.items[seq].message(station, seq, current=seq == mission.current)
+    if seq >= len(items):
+        return acknowledgement(station, mavlink.MAV_MISSION_INVALID_SEQUENCE, kind)
+    return items[seq].message(station, seq, current=seq == current, kind=kind)
 
 
 def acknowledgement(station: tuple[int, int], result: int, kind: int = MISSION) -> Message:
@@ -228,11 +281,14 @@ class Upload:
         System and component that send.
     count
         [-] How many items there will be, at least one.
+    kind
+        MAV_MISSION_TYPE.
     """
 
-    def __init__(self, station: tuple[int, int], count: int) -> None:
+    def __init__(self, station: tuple[int, int], count: int, kind: int = MISSION) -> None:
         self.station = station
         self.count = count
+        self.kind = kind
         self.items: list[Item] = []
         self._asked_s = float("-inf")
         self._tries = 0
@@ -269,10 +325,11 @@ class Upload:
         self._tries += 1
         if self.hopeless:
             return []
-        return [mavlink.MAVLink_mission_request_int_message(*self.station, len(self.items))]
+        seq = len(self.items)
+        return [mavlink.MAVLink_mission_request_int_message(*self.station, seq, self.kind)]
 
 
-# -- MAVLink's mission protocol, the vehicle's side: one mission is kept here, and given back.
+# -- MAVLink's mission protocol, the vehicle's side: a mission and fences are kept, and given back.
 #
 # https://mavlink.io/en/services/mission.html. A mission that cannot be sailed as it stands is
 # refused whole, at the item that is wrong, and the one before it stays.
@@ -299,6 +356,7 @@ class MissionServer:
         self, settings: OrderSettings, frames: GoalFrames, permits: Callable[[int], bool]
     ) -> None:
         self.mission = StoredMission(settings, frames)
+        self.fence = StoredFence(frames)
         self.replies: list[Message] = []
         self.orders: list[Order] = []
         self.complaints: list[str] = []
@@ -307,7 +365,7 @@ class MissionServer:
         self._frames = frames
         self._permits = permits
         self._upload: Upload | None = None
-        self._accepted: tuple[Station, int] | None = None
+        self._accepted: tuple[Station, int, int] | None = None
         self._handlers: dict[str, Callable[[Message, Station, float], None]] = {
             "MISSION_COUNT": self._on_count,
             "MISSION_ITEM": self._on_item,
@@ -336,13 +394,19 @@ class MissionServer:
         self.replies += upload.ask(now_s)
         if upload.hopeless:
             self._end(upload, mavlink.MAV_MISSION_OPERATION_CANCELLED)
-            self.complaints.append(f"mission given up: item {len(upload.items)} never came")
+            what = KINDS[upload.kind]
+            self.complaints.append(f"{what} given up: item {len(upload.items)} never came")
 
     def start(self, station: int, seq: int) -> bool:
         """Order to sail from an item on; False if there is none to sail to."""
         way = self.mission.rest(seq)
         if not way:
             return False
+        for waypoint in way:  # the chart or a fence may have changed since it was uploaded
+            why = self._frames.chart.why(np.array([waypoint.north_m, waypoint.east_m]))
+            if why:
+                self.complaints.append(f"mission not started: item {waypoint.seq} is {why}")
+                return False
         self.mission.current = way[0].seq
         self.orders.append(FollowRoute(station, way))
         return True
@@ -350,37 +414,44 @@ class MissionServer:
     def _on_count(self, message: Message, station: Station, now_s: float) -> None:
         if not self._may_change(message, station):
             return
-        count, most = message.count, self._settings.most_items
+        count, most, kind = message.count, self._settings.most_items, kind_of(message)
         if self._upload is not None and self._upload.station != station:
-            self._acknowledge(station, mavlink.MAV_MISSION_DENIED)
+            self._acknowledge(station, mavlink.MAV_MISSION_DENIED, kind)
         elif count > most:
-            self._acknowledge(station, mavlink.MAV_MISSION_NO_SPACE)
-            self.complaints.append(f"mission refused: {count} items, at most {most} are kept")
+            self._acknowledge(station, mavlink.MAV_MISSION_NO_SPACE, kind)
+            self.complaints.append(f"{KINDS[kind]} refused: {count} items, at most {most} are kept")
         elif count == 0:
-            self._clear(station)
-            self._acknowledge(station, mavlink.MAV_MISSION_ACCEPTED)
+            self._clear(station, kind)
+            self._acknowledge(station, mavlink.MAV_MISSION_ACCEPTED, kind)
         else:
-            self._upload = Upload(station, count)
+            self._upload = Upload(station, count, kind)
             self.tick(now_s)
 
     def _on_item(self, message: Message, station: Station, now_s: float) -> None:
         if not self._may_change(message, station):
             return
-        upload = self._upload
+        upload, kind = self._upload, kind_of(message)
         item = item_of(message)
-        if message.current == GUIDED:
+        if message.current == GUIDED and kind == MISSION:
             self._go(station, item)
             return
-        if upload is None or upload.station != station:
-            self._answer_late(station, message.seq)
+        if upload is None or (upload.station, upload.kind) != (station, kind):
+            self._answer_late(station, message.seq, kind)
             return
         if upload.take(message.seq, item):
-            fault = self.mission.fault(message.seq, item)
+            fault = self._fault(kind, message.seq, item)
             if fault is not None:
                 self._refuse(upload, message.seq, fault)
             elif upload.whole:
                 self._complete(upload)
         self.tick(now_s)
+
+    def _fault(self, kind: int, seq: int, item: Item) -> Fault | None:
+        """Tell what is wrong with an item as it comes, if anything."""
+        if kind == MISSION:
+            return self.mission.fault(seq, item)
+        read = self.fence.read(item)
+        return read if isinstance(read, Fault) else None
 
     def _go(self, station: Station, item: Item) -> None:
         """Take an item that is a goal by itself: how stations steered ArduPilot before commands."""
@@ -395,34 +466,47 @@ class MissionServer:
         self._acknowledge(station, mavlink.MAV_MISSION_ACCEPTED)
 
     def _complete(self, upload: Upload) -> None:
-        fault = self.mission.keep(tuple(upload.items))
-        if fault is not None:
-            self._refuse(upload, 0, fault)
+        items = tuple(upload.items)
+        if upload.kind == FENCE:
+            misfit = self.fence.keep(items)
+        else:
+            fault = self.mission.keep(items)
+            misfit = None if fault is None else Misfit(0, fault)
+        if misfit is not None:
+            self._refuse(upload, *misfit)
             return
-        self._accepted = (upload.station, upload.count)
+        self._accepted = (upload.station, upload.count, upload.kind)
         self._end(upload, mavlink.MAV_MISSION_ACCEPTED)
+        if upload.kind == FENCE:
+            return
         if not self.mission.way:
             self.orders.append(Pause(upload.station[0]))
         elif self._settings.start == "upload":
             self.start(upload.station[0], 0)
 
-    def _answer_late(self, station: Station, seq: int) -> None:
-        """Answer an item that nobody asked for; our word that the mission is there may be lost."""
-        again = self._accepted == (station, seq + 1)
+    def _answer_late(self, station: Station, seq: int, kind: int) -> None:
+        """Answer an item that nobody asked for; our word that all are there may be lost."""
+        again = self._accepted == (station, seq + 1, kind)
         accepted, out_of_order = mavlink.MAV_MISSION_ACCEPTED, mavlink.MAV_MISSION_INVALID_SEQUENCE
-        self._acknowledge(station, accepted if again else out_of_order)
+        self._acknowledge(station, accepted if again else out_of_order, kind)
 
     def _on_request(self, message: Message, station: Station, _now_s: float) -> None:
-        self.replies.append(download(message, self.mission, station))
+        kind, mission = kind_of(message), self.mission
+        if kind == MISSION:
+            self.replies.append(download(message, mission.items, station, mission.current))
+        elif kind == FENCE:
+            self.replies.append(download(message, self.fence.items, station))
+        else:
+            self._acknowledge(station, mavlink.MAV_MISSION_UNSUPPORTED, kind)
 
     def _on_clear(self, message: Message, station: Station, _now_s: float) -> None:
         kind = kind_of(message)
         if not self._permits(station[0]):
             self._acknowledge(station, mavlink.MAV_MISSION_DENIED, kind)
-        elif kind not in (MISSION, ALL):
+        elif kind not in (*KINDS, ALL):
             self._acknowledge(station, mavlink.MAV_MISSION_UNSUPPORTED, kind)
         else:
-            self._clear(station)
+            self._clear(station, kind)
             self._acknowledge(station, mavlink.MAV_MISSION_ACCEPTED, kind)
 
     def _on_set_current(self, message: Message, station: Station, _now_s: float) -> None:
@@ -441,10 +525,13 @@ class MissionServer:
         if upload is not None and upload.station == station and message.type != 0:
             self._upload = None
 
-    def _clear(self, station: Station) -> None:
+    def _clear(self, station: Station, kind: int) -> None:
         self._upload = self._accepted = None
-        self.mission.keep(())
-        self.orders.append(Pause(station[0]))
+        if kind in (FENCE, ALL):
+            self.fence.keep(())
+        if kind in (MISSION, ALL):
+            self.mission.keep(())
+            self.orders.append(Pause(station[0]))
 
     def _may_change(self, message: Message, station: Station) -> bool:
         """Whether the station may change the mission; it is answered if not."""
@@ -452,18 +539,18 @@ class MissionServer:
         if not self._permits(station[0]):
             self._acknowledge(station, mavlink.MAV_MISSION_DENIED, kind)
             return False
-        if kind != MISSION:
+        if kind not in KINDS:
             self._acknowledge(station, mavlink.MAV_MISSION_UNSUPPORTED, kind)
             return False
         return True
 
     def _refuse(self, upload: Upload, seq: int, fault: Fault) -> None:
         self._end(upload, fault.result)
-        self.complaints.append(f"mission refused: item {seq}: {fault.words}")
+        self.complaints.append(f"{KINDS[upload.kind]} refused: item {seq}: {fault.words}")
 
     def _end(self, upload: Upload, result: int) -> None:
         self._upload = None
-        self._acknowledge(upload.station, result)
+        self._acknowledge(upload.station, result, upload.kind)
 
     def _acknowledge(self, station: Station, result: int, kind: int = MISSION) -> None:
         self.replies.append(acknowledgement(station, result, kind))

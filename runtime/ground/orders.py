@@ -77,6 +77,14 @@ class GoalFrames:
     """What is fixed around the boat: no goal may be where it forbids to be."""
 
     def place(self, frame: int, x: float, y: float) -> Float64 | Fault:
+        """Give north and east, (2,) [m] [N], of a goal; as `position`, and nothing forbids it."""
+        position = self.position(frame, x, y)
+        if isinstance(position, Fault):
+            return position
+        why = self.chart.why(position)
+        return Fault(mavlink.MAV_MISSION_DENIED, f"it is {why}") if why else position
+
+    def position(self, frame: int, x: float, y: float) -> Float64 | Fault:
         """Give north and east, (2,) [m] [N].
 
         Parameters
@@ -99,9 +107,14 @@ class GoalFrames:
         return self._within(from_datum_N(self.datum, x, y)[:2])
 
     def place_of_integers(self, frame: int, x: int, y: int) -> Float64 | Fault:
-        """Give north and east of a place that came in integers."""
+        """Give north and east of a goal that came in integers."""
         unit = METRES_PER_UNIT if frame == LOCAL else DEGREES_PER_UNIT
         return self.place(frame, x * unit, y * unit)
+
+    def position_of_integers(self, frame: int, x: int, y: int) -> Float64 | Fault:
+        """Give north and east of any place that came in integers."""
+        unit = METRES_PER_UNIT if frame == LOCAL else DEGREES_PER_UNIT
+        return self.position(frame, x * unit, y * unit)
 
     def _within(self, p_N: Float64) -> Float64 | Fault:
         north, east = p_N.tolist()
@@ -109,10 +122,7 @@ class GoalFrames:
             return BAD_X
         if not math.isfinite(east):
             return BAD_Y
-        if math.hypot(north, east) > self.reach_m:
-            return TOO_FAR
-        why = self.chart.why(p_N)
-        return Fault(mavlink.MAV_MISSION_DENIED, f"it is {why}") if why else p_N
+        return p_N if math.hypot(north, east) <= self.reach_m else TOO_FAR
 
 
 # -- What a ground station may order, and from whom orders are taken.

@@ -18,6 +18,7 @@ from twinscrew.runtime.mavlink import Message
 from twinscrew.runtime.messages.types import Float64, HealthEvent, Odometry, Severity
 
 if TYPE_CHECKING:
+    from twinscrew.runtime.charts.static_map import Feature
     from twinscrew.runtime.ground.orders import OrderSettings
     from twinscrew.runtime.ground.stations import Stations
     from twinscrew.runtime.link.ardupilot.settings import AutopilotSettings
@@ -146,6 +147,12 @@ class Autopilot(Protocol):
         """Give what it has forwarded of AIS since the last call: age [s], sentence of NMEA 0183.
 
         Empty for one that has no receiver.
+        """
+
+    def take_fences(self) -> tuple[Feature, ...] | str | None:
+        """Give all the fences that it holds, where they have changed since the last call.
+
+        None if they have not, or it knows of none; words if it holds some that cannot be placed.
         """
 
     def tell(self, messages: Iterable[Message]) -> None:

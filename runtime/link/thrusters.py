@@ -149,6 +149,9 @@ class ThrusterLink:
         """See `Autopilot`; it tells none."""
         return []
 
+    def take_fences(self) -> None:
+        """See `Autopilot`; they hold none."""
+
     def take_ais(self) -> list[tuple[float, str]]:
         """See `Autopilot`; it has no receiver."""
         return []

@@ -285,6 +285,7 @@ _TABLE: Final = (
     Topic("ais_targets", "ais/targets", marine.DETECTIONS_TYPE, OUT, STATUS, rate_hz=1.0),
     Topic("situation", "situation", MARKERS_TYPE, OUT, STATUS, rate_hz=2.0),
     Topic("path", "path", PATH_TYPE, OUT, STATUS, rate_hz=1.0),
+    Topic("planned_route", "planned_route", PATH_TYPE, OUT, STATUS, rate_hz=1.0),
     Topic("transforms", "/tf", TRANSFORMS_TYPE, OUT, STATUS, rate_hz=20.0),
     Topic("static_transforms", "/tf_static", TRANSFORMS_TYPE, OUT, STATUS,
           rate_hz=1.0, durable=True),

@@ -291,6 +291,31 @@ class Tracks:
     """(K,) What the vessel calls itself, as "257123450 NORDLYS"; "" where it has not said so. None:
     no track has a name."""
 
+    def only(self, rows: NDArray[np.bool_]) -> Tracks:
+        """Give those of the tracks of which a row (K,) is true."""
+        optional = {
+            key: None if values is None else values[rows]
+            for key, values in (
+                ("half_length", self.half_length),
+                ("half_beam", self.half_beam),
+                ("heading", self.heading),
+            )
+        }
+        names = None
+        if self.name is not None:
+            names = tuple(name for name, kept in zip(self.name, rows, strict=True) if kept)
+        return Tracks(
+            stamp_ns=self.stamp_ns,
+            id=self.id[rows],
+            p_N=self.p_N[rows],
+            v_N=self.v_N[rows],
+            radius=self.radius[rows],
+            covariance=self.covariance[rows],
+            age_s=self.age_s[rows],
+            name=names,
+            **optional,
+        )
+
 
 OBSERVED_OBJECTS = 5
 """How many objects a policy sees (paper, sec. IV; parameters.md: at most 5, nearest first)."""

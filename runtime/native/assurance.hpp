@@ -11,6 +11,8 @@
 #include <utility>
 #include <vector>
 
+#include "segment.hpp"
+
 namespace twinscrew {
 
 using Thrusts = std::array<double, 2>;  // [N] of the left and the right propeller
@@ -58,11 +60,20 @@ struct Surroundings {
   std::size_t size() const { return radius.size(); }
 };
 
+// The boundary of what is forbidden, which lies to the left of each piece.
+struct Shores {
+  std::span<const Segment> pieces;
+  double clearance = 0.0;  // [m] they count as this much nearer
+  double margin = 0.0;     // [m] nearer than this, closing in is limited
+  double horizon = 0.0;    // [s] how far ahead they matter
+};
+
 struct Contact {
+  static constexpr int NONE = -1, SHORE = -2;
   double excess = 0.0;  // [m/s] how much faster than allowed it closes in, and how long
   double time = std::numeric_limits<double>::infinity();  // [s] until it first does
   double speed = 0.0;                                     // [m/s] how fast it then closes in
-  int circle = -1;                                        // which one it is
+  int circle = -1;                                        // which one it is; SHORE: a shore
   bool to_starboard = false;
 };
 
@@ -76,8 +87,15 @@ class Foresight {
   static constexpr double DEEPEST = 0.2;
 
  public:
-  Foresight(const VesselInPlane& vessel, std::vector<HullCircle> hull, const ContactRules& rules)
-      : vessel_(vessel), hull_(std::move(hull)), rules_(rules), path_(static_cast<std::size_t>(rules.steps) + 1) {}
+  // `close`: circles that cover the hull closely, for shores; between two quays there is no room for
+  // a circle about all of it.
+  Foresight(const VesselInPlane& vessel, std::vector<HullCircle> hull, const ContactRules& rules,
+            std::vector<HullCircle> close = {})
+      : vessel_(vessel),
+        hull_(std::move(hull)),
+        close_(close.empty() ? hull_ : std::move(close)),
+        rules_(rules),
+        path_(static_cast<std::size_t>(rules.steps) + 1) {}
 
   // How the velocity changes, pushed in the vessel's own frame [m/s2, m/s2, rad/s2].
   // Fossen (2021), chapters 3 and 6; added mass is within the inertia.
@@ -118,15 +136,19 @@ class Foresight {
 
   // The worst that a path leads to, and the first time that it closes in too fast. What comes later
   // counts less, down to nothing at the horizon: until then there is time to decide again.
-  Contact judge(std::span<const Planar> path, const Surroundings& around) const {
+  Contact judge(std::span<const Planar> path, const Surroundings& around,
+                const Shores& shores = {}) {
     Contact worst;
+    fields_.assign(close_.size(), {});
     double peak = 0.0, sum = 0.0;
     for (std::size_t step = 1; step < path.size(); ++step) {
       Contact now;
       for (const HullCircle& own : hull_) {
         for (std::size_t k = 0; k < around.size(); ++k) meet(path, step, own, around, k, now);
       }
-      if (now.circle >= 0 && worst.circle < 0) {
+      if (!shores.pieces.empty()) meet_shores(path, step, shores, now);
+      if (now.circle == Contact::SHORE && worst.circle == Contact::NONE) worst = now;
+      if (now.circle >= 0 && worst.circle == Contact::NONE) {
         worst = now;
         worst.speed = fastest(path, step, around, static_cast<std::size_t>(now.circle));
         worst.to_starboard = starboard(path, step, around, static_cast<std::size_t>(now.circle));
@@ -187,6 +209,61 @@ class Foresight {
     if (excess > now.excess) now = {.excess = excess, .time = time, .circle = static_cast<int>(k)};
   }
 
+  // What is known of how far a hull's circle is from the shores, from a place where it was looked at.
+  struct Field {
+    Place at{};
+    double distance = -std::numeric_limits<double>::infinity();
+  };
+
+  // [m] To the nearest shore, negative where it is forbidden. At a corner two pieces are as near;
+  // the one that is seen more from its side tells on which one this is.
+  static std::pair<double, Place> to_shore(const Place& p, std::span<const Segment> pieces) {
+    double least = std::numeric_limits<double>::infinity(), square = 0.0, side = 0.0;
+    Place to{};
+    for (const Segment& piece : pieces) {
+      const Place off = piece.nearest(p) - p;
+      const double d2 = dot(off, off);
+      if (d2 > least * (1.0 + 1e-9) + 1e-12) continue;
+      const Place along = piece.b - piece.a;
+      const double length = norm(along);
+      if (!(length > 0.0)) continue;
+      const double off_line = cross(along, p - piece.a) / length;
+      const bool is_nearer = d2 < least * (1.0 - 1e-9) - 1e-12;
+      if (!is_nearer && std::fabs(off_line) <= std::fabs(side)) continue;
+      least = is_nearer ? d2 : std::min(d2, least), square = d2, side = off_line, to = off;
+    }
+    return {side > 0.0 ? -std::sqrt(square) : std::sqrt(least), to};
+  }
+
+  static Place centre(const Planar& pose, double ahead) {
+    return {pose[0] + ahead * std::cos(pose[2]), pose[1] + ahead * std::sin(pose[2])};
+  }
+
+  // The same as `meet`, with the nearest shore in a circle's place. Where the last look shows that
+  // none can be near enough by now, it is not looked for.
+  void meet_shores(std::span<const Planar> path, std::size_t step, const Shores& shores,
+                   Contact& now) {
+    const double time = static_cast<double>(step) * rules_.dt;
+    const double weight = std::max(1.0 - time / (shores.horizon + rules_.dt), 0.0);
+    for (std::size_t h = 0; h < close_.size(); ++h) {
+      const double size = close_[h].radius + shores.clearance;
+      const Place here = centre(path[step], close_[h].ahead);
+      Field& known = fields_[h];
+      if (known.distance - norm(here - known.at) - size >= shores.margin) continue;
+      const auto [distance, to] = to_shore(here, shores.pieces);
+      known = {here, distance};
+      const double left = distance - size;
+      if (!(left < shores.margin)) continue;
+      const Place before = centre(path[step - 1], close_[h].ahead);
+      const double closing = (to_shore(before, shores.pieces).first - distance) / rules_.dt;
+      const double allowed = rules_.approach * std::max(left, -DEEPEST);
+      const double excess = (closing - allowed) * weight;
+      if (!(excess > now.excess)) continue;
+      const double starboard = std::cos(path[step][2]) * to.y - std::sin(path[step][2]) * to.x;
+      now = {excess, time, closing, Contact::SHORE, (distance < 0.0 ? -starboard : starboard) > 0.0};
+    }
+  }
+
   double fastest(std::span<const Planar> path, std::size_t step, const Surroundings& around,
                  std::size_t k) const {
     double most = -std::numeric_limits<double>::infinity();
@@ -201,9 +278,10 @@ class Foresight {
   }
 
   VesselInPlane vessel_;
-  std::vector<HullCircle> hull_;
+  std::vector<HullCircle> hull_, close_;
   ContactRules rules_;
   std::vector<Planar> path_;
+  std::vector<Field> fields_;  // of each circle of the close hull
 };
 
 }  // namespace twinscrew

@@ -22,6 +22,16 @@ Surroundings surroundings(const In<-1, 2>& p, const In<-1, 2>& v, const In<-1>& 
       {p.data(), 2 * size}, {v.data(), 2 * size}, {radius.data(), size}, {horizon.data(), size}};
 }
 
+// Rows of x, y from, x, y to [m].
+std::vector<Segment> pieces(const In<-1, 2, 2>& rows) {
+  std::vector<Segment> found(rows.shape(0));
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    const double* row = rows.data() + 4 * i;
+    found[i] = {{row[0], row[1]}, {row[2], row[3]}};
+  }
+  return found;
+}
+
 nb::tuple as_tuple(const Contact& c) {
   return nb::make_tuple(c.excess, c.time, c.speed, c.circle, c.to_starboard);
 }
@@ -56,16 +66,18 @@ void bind_assurance(nb::module_& m) {
       .def(
           "__init__",
           [](Foresight* self, const std::array<Planar, 3>& vessel, double lever,
-             const std::vector<Thrusts>& hull, int steps, double dt, double slew, double margin,
+             const std::vector<Thrusts>& hull, const std::vector<Thrusts>& close_hull, int steps, double dt, double slew, double margin,
              double approach) {
             require(steps >= 1 && dt > 0.0 && !hull.empty(),
                     "Foresight: a step, a time and a hull at least");
             std::vector<HullCircle> circles;
             for (const auto& [ahead, radius] : hull) circles.push_back({ahead, radius});
+            std::vector<HullCircle> close;
+            for (const auto& [ahead, radius] : close_hull) close.push_back({ahead, radius});
             new (self) Foresight({vessel[0], vessel[1], vessel[2], lever}, circles,
-                                 {steps, dt, slew, margin, approach});
+                                 {steps, dt, slew, margin, approach}, close);
           },
-          nb::kw_only(), "vessel"_a, "lever"_a, "hull"_a, "steps"_a, "dt"_a, "slew"_a, "margin"_a,
+          nb::kw_only(), "vessel"_a, "lever"_a, "hull"_a, "close_hull"_a, "steps"_a, "dt"_a, "slew"_a, "margin"_a,
           "approach"_a)
       .def(
           "acceleration",
@@ -86,21 +98,27 @@ void bind_assurance(nb::module_& m) {
           "motion"_a, "thrust"_a, "law"_a, "push"_a)
       .def(
           "contact",
-          [](const Foresight& self, In<-1, 3> path, In<-1, 2> p, In<-1, 2> v, In<-1> radius,
-             In<-1> horizon) {
+          [](Foresight& self, In<-1, 3> path, In<-1, 2> p, In<-1, 2> v, In<-1> radius,
+             In<-1> horizon, In<-1, 2, 2> shores, double clearance, double margin, double until) {
             std::vector<Planar> poses(path.shape(0));
             for (std::size_t i = 0; i < 3 * poses.size(); ++i) poses[i / 3][i % 3] = path.data()[i];
-            return as_tuple(self.judge(poses, surroundings(p, v, radius, horizon)));
+            const auto fixed = pieces(shores);
+            return as_tuple(self.judge(poses, surroundings(p, v, radius, horizon),
+                                       {fixed, clearance, margin, until}));
           },
-          "path"_a, "p"_a, "v"_a, "radius"_a, "horizon"_a)
+          "path"_a, "p"_a, "v"_a, "radius"_a, "horizon"_a, "shores"_a, "clearance"_a, "margin"_a, "until"_a)
       .def(
           "judge",
           [](Foresight& self, const Planar& motion, const Thrusts& thrust, const Law& law,
-             const Push& push, In<-1, 2> p, In<-1, 2> v, In<-1> radius, In<-1> horizon) {
+             const Push& push, In<-1, 2> p, In<-1, 2> v, In<-1> radius, In<-1> horizon,
+             In<-1, 2, 2> shores, double clearance, double margin, double until) {
             const Surroundings around = surroundings(p, v, radius, horizon);
-            return as_tuple(self.judge(self.sail(motion, thrust, law, push), around));
+            const auto fixed = pieces(shores);
+            return as_tuple(self.judge(self.sail(motion, thrust, law, push), around,
+                                       {fixed, clearance, margin, until}));
           },
-          "motion"_a, "thrust"_a, "law"_a, "push"_a, "p"_a, "v"_a, "radius"_a, "horizon"_a);
+          "motion"_a, "thrust"_a, "law"_a, "push"_a, "p"_a, "v"_a, "radius"_a, "horizon"_a,
+          "shores"_a, "clearance"_a, "margin"_a, "until"_a);
 }
 
 }  // namespace twinscrew

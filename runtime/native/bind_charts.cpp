@@ -50,7 +50,7 @@ Given<double> legs_clearance(In<-1, 2, 2> legs, In<-1, 2, 2> walls) {
   });
 }
 
-void see(LearntMap& self, const FreeWater& water, In<-1, 2> boundary, In<-1> heights,
+void see(LearntMap& self, const FreeWater* water, In<-1, 2> boundary, In<-1> heights,
          Array<const std::int64_t, -1> seen, Array<const std::uint8_t, -1> stands,
          const Pair& sensor, const Pair& own, double heading, double time) {
   const std::size_t size = boundary.shape(0);
@@ -142,9 +142,10 @@ void bind_charts(nb::module_& m) {
           nb::kw_only(), "cell"_a, "size"_a, "certain"_a, "most"_a, "margin"_a, "height"_a,
           "keep_s"_a)
       .def("reset", &LearntMap::reset)
-      .def("see", &see, nb::kw_only(), "water"_a, "boundary"_a, "heights"_a, "seen"_a, "stands"_a,
+      .def("see", &see, nb::kw_only(), nb::arg("water").none(), "boundary"_a, "heights"_a, "seen"_a, "stands"_a,
            "sensor"_a, "own"_a, "heading"_a, "time"_a)
       .def_prop_ro("version", &LearntMap::version)
+      .def_prop_ro("known", &LearntMap::known)
       .def("segments", [](const LearntMap& self) { return as_array(self.segments()); })
       .def("free_at", [](const LearntMap& self, const Pair& p) { return self.free_at(place(p)); },
            "place"_a)

@@ -30,7 +30,7 @@ class LearntMap {
  public:
   // One scan's outline, in the levelled frame L of the vessel.
   struct Scan {
-    const FreeWater& water;
+    const FreeWater* water;               // null: nothing is asked whether it is gone
     std::span<const double> boundary;     // [m] x, y of each sector's end
     std::span<const double> heights;      // [m] of the echoes there, up; NaN: none
     std::span<const std::int64_t> seen;   // the long object that it ends at, or -1
@@ -42,10 +42,14 @@ class LearntMap {
   };
 
   explicit LearntMap(const LearntRules& rules)
-      : rules_(rules), cells_(static_cast<std::size_t>(rules.size) * static_cast<std::size_t>(rules.size)) {}
+      : rules_(rules),
+        cells_(static_cast<std::size_t>(rules.size) * static_cast<std::size_t>(rules.size)),
+        free_(cells_.size(), static_cast<float>(NEVER)) {}
 
   void reset() {
     std::fill(cells_.begin(), cells_.end(), Cell{});
+    std::fill(free_.begin(), free_.end(), static_cast<float>(NEVER));
+    begin_ = NEVER;
     if (!walls_.empty()) ++version_;
     walls_.clear();
     knows_place_ = false;
@@ -53,7 +57,8 @@ class LearntMap {
 
   void see(const Scan& scan) {
     follow(scan.own);
-    ++scans_, now_ = scan.time;
+    if (std::isnan(begin_)) begin_ = scan.time;
+    ++scans_, now_ = scan.time - begin_;
     cosine_ = std::cos(scan.heading), sine_ = std::sin(scan.heading), own_ = scan.own;
     for (std::size_t i = 0; i < scan.heights.size(); ++i) {
       const Place end{scan.boundary[2 * i], scan.boundary[2 * i + 1]};
@@ -61,14 +66,15 @@ class LearntMap {
       const bool is_wall = number >= 0 && static_cast<std::size_t>(number) < scan.stands.size() &&
                            scan.stands[static_cast<std::size_t>(number)] != 0;
       if (is_wall && !std::isnan(scan.heights[i])) hit(in_N(end), scan.heights[i]);
-      pass(in_N(scan.sensor), in_N(end));
     }
-    review(scan.water);
+    sweep(scan);
+    if (scan.water != nullptr) review(*scan.water);
   }
 
   // Changes whenever a wall comes or goes.
   std::uint64_t version() const { return version_; }
-  std::size_t walls() const { return walls_.size(); }
+  // [-] Cells with some evidence of a wall.
+  std::size_t known() const { return walls_.size(); }
 
   // The walls as segments between the mean echoes of neighbouring cells; a cell without neighbours
   // is a short segment by itself.
@@ -98,25 +104,26 @@ class LearntMap {
   // [s] When a beam last passed over a place; NaN: never, or that is not known any more.
   double free_at(const Place& p) const {
     const std::int32_t i = row(p.x), j = row(p.y);
-    if (!knows_place_ || !holds(i, j)) return std::numeric_limits<double>::quiet_NaN();
-    const Cell& cell = at(i, j);
-    return cell.is_wall || !cell.was_free ? std::numeric_limits<double>::quiet_NaN() : cell.free_s;
+    if (!knows_place_ || !holds(i, j)) return NEVER;
+    if (at(i, j).is_wall) return NEVER;
+    return begin_ + static_cast<double>(free_[index(i, j)]);
   }
   // [s] When a wall there was last seen; NaN: there is none.
   double wall_at(const Place& p) const {
     const std::int32_t i = row(p.x), j = row(p.y);
-    if (!knows_place_ || !holds(i, j) || !at(i, j).is_wall) return std::numeric_limits<double>::quiet_NaN();
-    return at(i, j).seen_s;
+    if (!knows_place_ || !holds(i, j) || !at(i, j).is_wall) return NEVER;
+    return begin_ + at(i, j).seen_s;
   }
 
  private:
+  static constexpr double NEVER = std::numeric_limits<double>::quiet_NaN();
   struct Cell {
     float x = 0.0F, y = 0.0F;  // [m] mean of the echoes, from the cell's corner
     float top = -1e9F;         // [m] of the highest echo
     int evidence = 0;          // scans that showed a wall, less those that showed water
-    double seen_s = 0.0, free_s = 0.0;
+    double seen_s = 0.0;     // [s]
     std::uint64_t scan = 0;  // the last one that showed a wall here
-    bool is_wall = false, is_listed = false, was_free = false;
+    bool is_wall = false, is_listed = false;
   };
   struct At {
     std::int32_t i, j;
@@ -164,6 +171,7 @@ class LearntMap {
         Cell& cell = at(k, l);
         lost |= cell.is_wall;
         cell = Cell{};
+        free_[index(k, l)] = static_cast<float>(NEVER);
       }
     }
     std::erase_if(walls_, [&](const At& w) { return !holds(w.i, w.j); });
@@ -185,6 +193,23 @@ class LearntMap {
     if (!cell.is_wall && cell.evidence >= rules_.certain) cell.is_wall = true, ++version_;
   }
 
+  // Marks the water that was looked over. Lines of sight side by side that are nowhere farther apart
+  // than cells are wide mark the same cells: one of them will do.
+  void sweep(const Scan& scan) {
+    const Place from = in_N(scan.sensor);
+    Place last = scan.sensor;
+    for (std::size_t i = 0; i < scan.heights.size(); ++i) {
+      const Place end{scan.boundary[2 * i], scan.boundary[2 * i + 1]};
+      const Place way = end - scan.sensor, before = last - scan.sensor;
+      const double length = norm(way), other = norm(before);
+      const bool is_beside = std::fabs(cross(way, before)) < 0.7 * rules_.cell * std::min(length, other) &&
+                             dot(way, before) > 0.0;
+      if (is_beside && length <= other + rules_.cell) continue;
+      last = end;
+      pass(from, in_N(end));
+    }
+  }
+
   void pass(const Place& from, const Place& to) {
     const Place way = to - from;
     const double length = norm(way) - rules_.margin;
@@ -193,8 +218,7 @@ class LearntMap {
     for (double done = 0.0; done < length; done += rules_.cell) {
       const std::int32_t i = row(from.x + done * north), j = row(from.y + done * east);
       if (!holds(i, j)) return;
-      Cell& cell = at(i, j);
-      cell.free_s = now_, cell.was_free = true;
+      free_[index(i, j)] = static_cast<float>(now_);
     }
   }
 
@@ -209,10 +233,7 @@ class LearntMap {
       if (known.answer == FreeWater::FREE) --cell.evidence;
       if (cell.evidence > 0 && now_ - cell.seen_s <= rules_.keep_s) return false;
       changed |= cell.is_wall;
-      const double free_s = cell.free_s;
-      const bool was_free = cell.was_free;
       cell = Cell{};
-      cell.free_s = free_s, cell.was_free = was_free;
       return true;
     });
     if (changed) ++version_;
@@ -230,11 +251,12 @@ class LearntMap {
 
   LearntRules rules_;
   std::vector<Cell> cells_;
+  std::vector<float> free_;  // [s] since the first scan: when each cell was last looked over
   std::vector<At> walls_;  // cells with evidence of a wall
   std::int32_t north_ = 0, east_ = 0;
   bool knows_place_ = false;
   std::uint64_t scans_ = 0, version_ = 0;
-  double now_ = 0.0, cosine_ = 1.0, sine_ = 0.0;
+  double begin_ = NEVER, now_ = 0.0, cosine_ = 1.0, sine_ = 0.0;
   Place own_;
 };
 

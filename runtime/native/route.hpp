@@ -18,43 +18,9 @@
 #include <utility>
 #include <vector>
 
+#include "segment.hpp"
+
 namespace twinscrew {
-
-struct Place {
-  double x = 0.0, y = 0.0;  // [m]
-  friend Place operator+(const Place& a, const Place& b) { return {a.x + b.x, a.y + b.y}; }
-  friend Place operator-(const Place& a, const Place& b) { return {a.x - b.x, a.y - b.y}; }
-  friend Place operator*(double k, const Place& a) { return {k * a.x, k * a.y}; }
-};
-
-inline double dot(const Place& a, const Place& b) { return a.x * b.x + a.y * b.y; }
-inline double cross(const Place& a, const Place& b) { return a.x * b.y - a.y * b.x; }
-inline double norm(const Place& a) { return std::sqrt(dot(a, a)); }
-
-struct Segment {
-  Place a, b;
-
-  Place nearest(const Place& p) const {
-    const Place along = b - a;
-    const double length2 = dot(along, along);
-    const double share = length2 > 0.0 ? std::clamp(dot(p - a, along) / length2, 0.0, 1.0) : 0.0;
-    return a + share * along;
-  }
-  double distance2(const Place& p) const {
-    const Place off = p - nearest(p);
-    return dot(off, off);
-  }
-  bool meets(const Segment& o) const {
-    const double c1 = cross(b - a, o.a - a), c2 = cross(b - a, o.b - a);
-    const double c3 = cross(o.b - o.a, a - o.a), c4 = cross(o.b - o.a, b - o.a);
-    return ((c1 > 0.0) != (c2 > 0.0)) && ((c3 > 0.0) != (c4 > 0.0));
-  }
-  double distance2(const Segment& o) const {
-    if (meets(o)) return 0.0;
-    return std::min(std::min(distance2(o.a), distance2(o.b)),
-                    std::min(o.distance2(a), o.distance2(b)));
-  }
-};
 
 struct RouteRules {
   double least;      // [m] no leg is nearer to a wall
@@ -566,6 +532,10 @@ class RoutePlanner {
       const auto middle = static_cast<std::ptrdiff_t>(seen.size());
       seen.insert(seen.end(), ring.begin(), ring.end());
       std::inplace_merge(seen.begin(), seen.begin() + middle, seen.end());
+    }
+    if (!is_out) {  // not across what is forbidden
+      const double far = 1.2 * nearest;
+      std::erase_if(found, [&](const auto& link) { return norm(cells_[link.first].middle - p) > far; });
     }
     return found;
   }

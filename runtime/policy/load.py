@@ -20,13 +20,13 @@ from twinscrew.runtime.vessel_description import VesselDescription, load_vessel
 
 SLOWEST = 4.0
 """[-] A planner looks at most so much farther ahead for a hull that answers more slowly."""
-PLANNERS = ("apf", "mpc")
+PLANNERS = ("apf", "mpc", "orca", "sbmpc")
 """Policies that are no files: they look ahead with the vessel's own model."""
 
 
 @runtime_checkable
 class Policy(Protocol):
-    """A function of the observation that answers with thrust rates: ONNX, APF or MPC."""
+    """A function of the observation that answers with thrust rates: an ONNX file or a planner."""
 
     @property
     def name(self) -> str:
@@ -127,7 +127,7 @@ def load_policy(
     Parameters
     ----------
     spec
-        ``apf``, ``mpc``, the name of a shipped policy, or an ONNX file.
+        ``apf``, ``mpc``, ``orca``, ``sbmpc``, the name of a shipped policy, or an ONNX file.
     expect
         What the vessel needs a policy file to have been made for.
     risk
@@ -147,7 +147,7 @@ def load_policy(
     try:
         path = shipped("policies", spec, ".onnx")
     except ConfigError as error:
-        raise PolicyError(f"{error}; or apf, mpc, or an ONNX file") from error
+        raise PolicyError(f"{error}; or {', '.join(PLANNERS)}, or an ONNX file") from error
     # What is not used is not imported: a planner needs no ONNX Runtime.
     from twinscrew.runtime.policy.onnx import OnnxPolicy
 
@@ -177,6 +177,20 @@ def _planner(name: str, vessel: VesselDescription) -> Policy:
         field = load(path, ApfSettings)
         look_s = slower * field.look_s
         policy = ApfPolicy(replace(field, vessel=model, own_radius_m=radius, look_s=look_s))
+    elif name == "orca":
+        from twinscrew.runtime.policy.velocity_obstacles import OrcaPolicy, OrcaSettings
+
+        sides = load(path, OrcaSettings)
+        look_s = slower * sides.look_s
+        policy = OrcaPolicy(replace(sides, vessel=model, own_radius_m=radius, look_s=look_s))
+    elif name == "sbmpc":
+        from twinscrew.runtime.policy.scenario_mpc import ScenarioMpcPolicy, ScenarioMpcSettings
+
+        far = load(path, ScenarioMpcSettings)
+        look_s = slower * far.look_s
+        rate = far.turn_rate_radps / slower
+        far = replace(far, vessel=model, own_radius_m=radius, look_s=look_s, turn_rate_radps=rate)
+        policy = ScenarioMpcPolicy(replace(far, slowing_mps2=far.slowing_mps2 / slower))
     else:
         horizon = load(path, MpcSettings)
         step_s = slower * horizon.step_s

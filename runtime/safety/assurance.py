@@ -17,6 +17,7 @@ import numpy as np
 from msgspec import Meta
 
 from twinscrew.runtime._native import Law
+from twinscrew.runtime.charts.static_map import StaticMap
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
     Float64,
@@ -28,6 +29,8 @@ from twinscrew.runtime.policy.observation import levelled_twist
 from twinscrew.runtime.safety.events import ASSURANCE_INTERVENED, ASSURANCE_RELEASED
 from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.safety.prediction import (
+    FIXED,
+    NO_SHORES,
     AssuranceVessel,
     Contact,
     DisturbanceObserver,
@@ -38,6 +41,7 @@ from twinscrew.runtime.safety.prediction import (
     surroundings,
 )
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
+from twinscrew.runtime.vessel_description import VesselDescription, load_vessel
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +88,11 @@ Judge = Callable[[Thrust, Law], Contact]
 """What a law of the propellers leads to, from this thrust on."""
 
 
+def shore_margin_m(vessel: VesselDescription) -> float:
+    """[m] Give within which distance of what is charted a vessel's closing in is limited."""
+    return round(0.2 * vessel.beam_m, 3)
+
+
 class AssuranceSettings(Settings, frozen=True):
     """When a command is overridden, and by what."""
 
@@ -104,6 +113,9 @@ class AssuranceSettings(Settings, frozen=True):
     wanted, by tolerance_mps / approach_per_s = 0.07 m."""
     margin_m: NonNegative = 0.8
     """[m] Nearer than this to a surface, closing in is limited."""
+    shore_margin_m: NonNegative = shore_margin_m(load_vessel())
+    """[m] The same for what is charted: a fifth of the beam, so that a gap of 1.6 beams can be
+    passed without slowing down."""
     approach_per_s: NonNegative = 0.7
     """[1/s] There it is allowed at this times the gap."""
     tolerance_mps: NonNegative = 0.05
@@ -157,6 +169,8 @@ class Assurance:
         }
         way_m = horizon * vessel.top_speed_mps(self.limits.max_n)
         self._reach_m = way_m + vessel.extent_m + self.settings.margin_m
+        self._shore_reach_m = way_m + vessel.close_extent_m + self.settings.shore_margin_m
+        self._map = self._land = StaticMap.empty()
         self.reset()
 
     def reset(self) -> None:
@@ -167,10 +181,35 @@ class Assurance:
         self._disturbance.pause()
 
     @property
+    def static_map(self) -> StaticMap:
+        """What is fixed: its boundary is kept clear of as objects are."""
+        return self._map
+
+    @static_map.setter
+    def static_map(self, static_map: StaticMap) -> None:
+        self._map = static_map
+        self._land = StaticMap.of(f for f in static_map.features if f.kind == "land")
+
+    @property
     def disturbance_n(self) -> float:
         """[N] Force of wind and current together, as learnt; NaN while nothing is learnt."""
         learns = self.settings.enabled and self.settings.disturbance_limit_n > 0.0
         return self._disturbance.size_n if learns and self._last_ns is not None else math.nan
+
+    @property
+    def drift_N(self) -> Float64:
+        """[m/s] [N] (2,) How fast wind and current, as learnt, would push an idle vessel.
+
+        The speed at which its drag ahead, the least there is, equals their force; 0 while nothing
+        is learnt.
+        """
+        if not math.isfinite(self.disturbance_n):
+            return np.zeros(2)
+        force_N = np.array(self._disturbance.force_N)
+        size_n = float(np.hypot(*force_N))
+        speed_mps = self.settings.vessel.top_speed_mps(size_n / 2.0)
+        known = 0.0 < size_n < math.inf and speed_mps < math.inf
+        return force_N * (speed_mps / size_n) if known else np.zeros(2)
 
     def step(
         self,
@@ -212,14 +251,16 @@ class Assurance:
         settings = self.settings
         circles = surroundings(
             odometry,
-            tracks,
+            self._afloat(tracks),
             reach_m=self._reach_m,
             horizon_s=(settings.horizon_s, min(settings.moving_horizon_s, settings.horizon_s)),
             least_radius_m=settings.least_radius_m,
             clearance_m=settings.clearance_m,
             static_mps=settings.static_mps,
+            shores_N=self._shores(odometry),
+            shore_margin_m=settings.shore_margin_m,
         )
-        if not circles.id:
+        if not circles.id and not len(circles.shores_L):
             return command, self._release(stamp_ns)
 
         def judge(thrust: Thrust, law: Law) -> Contact:
@@ -234,6 +275,20 @@ class Assurance:
             return command, self._release(stamp_ns)
         thrust = slewed(given, manoeuvre.law(0.0, motion.surge), self.settings.slew_nps * since_s)
         return np.array(thrust), self._intervene(stamp_ns, manoeuvre.name, danger)
+
+    def _afloat(self, tracks: Tracks) -> Tracks:
+        """Leave out what stands on charted land: a quay's pieces, as circles, reach beyond it."""
+        if self._land.is_empty or not len(tracks.id):
+            return tracks
+        stands = np.hypot(tracks.v_N[:, 0], tracks.v_N[:, 1]) < self.settings.static_mps
+        ashore = stands & self._land.forbidden(tracks.p_N)
+        return tracks.only(~ashore) if ashore.any() else tracks
+
+    def _shores(self, odometry: Odometry) -> Float64:
+        """Give what of the map's boundary could be met within the horizon."""
+        if self._map.is_empty:
+            return NO_SHORES
+        return self._map.near(odometry.position_N[:2], self._shore_reach_m)
 
     def _since_last(self, stamp_ns: int) -> float:
         """Give the time [s] since the last check: at least 0, at most a second."""
@@ -265,7 +320,8 @@ class Assurance:
         if self._begun is None:
             self._begun_ns = stamp_ns
         self._begun = manoeuvre
-        where = f"track {danger.track} in {danger.time_s:.1f} s at {danger.speed_mps:.1f} m/s"
+        what = "what is fixed" if danger.track == FIXED else f"track {danger.track}"
+        where = f"{what} in {danger.time_s:.1f} s at {danger.speed_mps:.1f} m/s"
         detail = f"{manoeuvre}: the command meets {where}" if danger.excess else manoeuvre
         return (ASSURANCE_INTERVENED.at(stamp_ns, detail),)
 

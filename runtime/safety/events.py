@@ -101,6 +101,10 @@ PLACE_ALLOWED = _info("place_allowed", "The boat is where it may be again.")
 FENCES_REFUSED = _warning(
     "fences_refused", "Fences that came cannot be honoured: those before them stay."
 )
+ROUTE_FOUND = _info(
+    "route_found", "A way around what is fixed leads to the goal: its length, its legs."
+)
+ROUTE_MISSING = _warning("route_missing", "No way leads to the goal: the boat holds its place.")
 WAYPOINT_REACHED = _info("waypoint_reached", "A waypoint is reached; the next one is the goal.")
 GOAL_REACHED = _info("goal_reached", "The last goal is reached: neutral thrust.")
 STATION_SET = _info("station_set", "A place to hold was accepted.")

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Annotated, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Final, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -31,6 +31,14 @@ def surge_sway_yaw(six: tuple[float, ...]) -> tuple[float, float, float]:
     return six[0], six[1], six[5]
 
 
+def close_circles(vessel: VesselDescription) -> tuple[Circle, ...]:
+    """Cover a hull's rectangle by equal circles that reach a tenth beyond its sides at most."""
+    count = math.ceil(vessel.length_m / (0.458 * vessel.beam_m))
+    step = vessel.length_m / count
+    radius = round(math.hypot(step, vessel.beam_m) / 2.0, 3)
+    return tuple(((i + 0.5) * step - vessel.length_m / 2.0, radius) for i in range(count))
+
+
 _DEFAULT = load_vessel()
 
 
@@ -47,6 +55,8 @@ class AssuranceVessel(Settings, frozen=True):
     """[m] From the centre line to a propeller."""
     hull: Annotated[tuple[Circle, ...], Meta(min_length=1)] = _DEFAULT.circles_m
     """[m] Circles that cover the hull: how far ahead of the origin, radius."""
+    close_hull: Annotated[tuple[Circle, ...], Meta(min_length=1)] = close_circles(_DEFAULT)
+    """[m] The same, closer, for what is charted: a gap of 1.6 beams has no room for wide ones."""
 
     @classmethod
     def of(cls, vessel: VesselDescription) -> AssuranceVessel:
@@ -57,12 +67,18 @@ class AssuranceVessel(Settings, frozen=True):
             quadratic_drag=surge_sway_yaw(vessel.quadratic_drag),
             lever_m=vessel.lever_m,
             hull=vessel.circles_m,
+            close_hull=close_circles(vessel),
         )
 
     @property
     def extent_m(self) -> float:
         """[m] No part of the hull is farther from the origin."""
         return max(abs(ahead) + radius for ahead, radius in self.hull)
+
+    @property
+    def close_extent_m(self) -> float:
+        """[m] The same of the circles that cover it closely."""
+        return max(abs(ahead) + radius for ahead, radius in self.close_hull)
 
     def top_speed_mps(self, thrust_n: float) -> float:
         """[m/s] Straight ahead with this thrust of each propeller [N]: drag equals thrust."""
@@ -96,6 +112,13 @@ def slewed(thrust: Thrust, wanted: Thrust, step_n: float) -> Thrust:
     )
 
 
+NO_SHORES: Final = np.empty((0, 2, 2))
+"""The boundary of what is forbidden, where nothing is."""
+NO_TRACK: Final = -1
+FIXED: Final = -2
+"""In a track's place: the boundary of what is forbidden."""
+
+
 @dataclass(frozen=True, slots=True)
 class Circles:
     """What is around the vessel, going straight on, in its present levelled frame L."""
@@ -109,6 +132,14 @@ class Circles:
     """[m] (K,)"""
     horizon_s: Float64
     """[s] (K,) How far ahead its motion is trusted."""
+    shores_L: Float64 = field(default_factory=lambda: NO_SHORES)
+    """[m] (S, 2, 2) The boundary of what is forbidden, which lies to the left of each piece."""
+    shore_clearance_m: float = 0.0
+    """[m] It counts as this much nearer."""
+    shore_margin_m: float = 0.0
+    """[m] Nearer than this, closing in is limited."""
+    shore_horizon_s: float = 0.0
+    """[s] How far ahead it matters."""
 
 
 class Contact(NamedTuple):
@@ -122,7 +153,7 @@ class Contact(NamedTuple):
     speed_mps: float = 0.0
     """[m/s] How fast it then closes in."""
     track: int = -1
-    """The track's id."""
+    """The track's id; FIXED: the boundary of what is forbidden."""
     to_starboard: bool = False
     """True if the track is then on the starboard side."""
 
@@ -139,6 +170,8 @@ def surroundings(
     least_radius_m: float,
     clearance_m: float,
     static_mps: float,
+    shores_N: Float64 = NO_SHORES,
+    shore_margin_m: float = 0.0,
 ) -> Circles:
     """Give what could be met within the horizon.
 
@@ -153,6 +186,10 @@ def surroundings(
         No object is taken to be smaller; every object is taken to be this much larger [m].
     static_mps : float
         Slower tracks stand still [m/s].
+    shores_N : (S, 2, 2) float64
+        The boundary of what is forbidden, near the vessel [m].
+    shore_margin_m : float
+        Nearer to it than this, closing in is limited [m].
     """
     told = _told(tracks)
     tracks = in_circles(tracks)
@@ -170,6 +207,10 @@ def surroundings(
         v_L=np.where(speed[near, None] > 0.0, tracks.v_N[near], 0.0) @ R_NL,
         radius=radius[near],
         horizon_s=horizon[near],
+        shores_L=(shores_N - odometry.position_N[:2]) @ R_NL if len(shores_N) else NO_SHORES,
+        shore_clearance_m=clearance_m,
+        shore_margin_m=shore_margin_m,
+        shore_horizon_s=horizon_s[0],
     )
 
 
@@ -243,6 +284,7 @@ class Foresight:
             vessel=(vessel.inertia, vessel.linear_drag, vessel.quadratic_drag),
             lever=vessel.lever_m,
             hull=vessel.hull,
+            close_hull=vessel.close_hull,
             steps=steps,
             dt=dt,
             slew=slew_nps,
@@ -281,20 +323,27 @@ class Foresight:
         they overlap, it has to leave as fast, as from 0.2 m at most. What comes later counts less,
         down to nothing at the track's horizon: until then there is time to decide again.
         """
-        c = circles
-        return _contact(self._kernel.contact(path, c.p_L, c.v_L, c.radius, c.horizon_s), c)
+        return _contact(self._kernel.contact(path, *_around(circles)), circles)
 
     def judge(
         self, motion: Motion, thrust: Thrust, law: Law, circles: Circles, push: Push = STILL
     ) -> Contact:
         """Give `contact` of `path`, without making the path."""
-        c = circles
-        found = self._kernel.judge(motion, thrust, law, push, c.p_L, c.v_L, c.radius, c.horizon_s)
-        return _contact(found, c)
+        found = self._kernel.judge(motion, thrust, law, push, *_around(circles))
+        return _contact(found, circles)
+
+
+def _around(
+    c: Circles,
+) -> tuple[Float64, Float64, Float64, Float64, Float64, float, float, float]:
+    shores = (c.shores_L, c.shore_clearance_m, c.shore_margin_m, c.shore_horizon_s)
+    return c.p_L, c.v_L, c.radius, c.horizon_s, *shores
 
 
 def _contact(found: tuple[float, float, float, int, bool], circles: Circles) -> Contact:
     excess, time_s, speed_mps, circle, to_starboard = found
+    if circle == FIXED:
+        return Contact(excess, time_s, speed_mps, FIXED, to_starboard)
     if circle < 0:
         return NO_CONTACT
     return Contact(excess, time_s, speed_mps, circles.id[circle], to_starboard)
@@ -341,6 +390,11 @@ class DisturbanceObserver:
         self._limit_n = limit_n
         self._force_N: Push = STILL
         self._before: tuple[int, Motion, float] | None = None
+
+    @property
+    def force_N(self) -> Push:
+        """[N] [N] North and east."""
+        return self._force_N
 
     @property
     def size_n(self) -> float:

@@ -279,11 +279,11 @@ class OutlineView:
     def ask(self, echoes: Echoes) -> tuple[NDArray[np.int8], NDArray[np.int64]]:
         """Tell what is known of the places of another scan's echoes, and who takes them, (L,)."""
         settings, places_L = self._settings, self._own.in_L(echoes.p_N)
-        return self._water.ask(places_L, echoes.height_m - settings.height_m, settings.margin_m)
+        return self.water.ask(places_L, echoes.height_m - settings.height_m, settings.margin_m)
 
     @cached_property
-    def _water(self) -> FreeWater:
-        """In the levelled frame L of the place."""
+    def water(self) -> FreeWater:
+        """What the scan has shown of places, in the levelled frame L of its own place."""
         outline = self.outline
         return FreeWater(
             boundary=outline.boundary_L,
@@ -305,10 +305,18 @@ class LongObjects:
     def __init__(self, settings: LongObjectSettings) -> None:
         self.settings = settings
         self._outlines: deque[OutlineView] = deque()
+        self.stands: dict[int, bool] = {}
+        """Whether the latest outline's long objects stand, by number, where that is known."""
 
     def reset(self) -> None:
         """Forget what was seen."""
         self._outlines.clear()
+        self.stands = {}
+
+    @property
+    def latest(self) -> OutlineView | None:
+        """The latest outline; None if there is none."""
+        return self._outlines[-1] if self._outlines else None
 
     def saved(self) -> tuple[OutlineView, ...]:
         """Give what is remembered, for `restore`."""
@@ -331,6 +339,7 @@ class LongObjects:
         now = OutlineView(objects.stamp_ns, objects.outline, own, self.settings)
         before = self._before(now.stamp_ns)
         self._outlines.append(now)
+        self.stands = {}
         cut_from = objects.outline.cut_from.tolist()
         if max(cut_from, default=-1) < 0:
             return unknown
@@ -338,6 +347,7 @@ class LongObjects:
         for then in before:
             if any(number >= 0 and number not in known for number in cut_from):
                 known = self._compared(then, now) | known
+        self.stands = known
         return [known.get(number) for number in cut_from]
 
     def _before(self, stamp_ns: int) -> Sequence[OutlineView]:

@@ -11,7 +11,7 @@ randomness: time comes with the stamps.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -69,6 +69,7 @@ from twinscrew.runtime.tracking.lidar_motion import (
     LongObjects,
     LongObjectSettings,
     MeasuredVelocity,
+    OutlineView,
     corrected,
 )
 from twinscrew.runtime.tracking.named import (
@@ -670,6 +671,16 @@ class Tracker:
         """Tell whether only AIS has told of a track, and the LiDAR sees water in its place."""
         least = self.settings.existence.report
         return track.existence < least and only_named(track, self._identifying)
+
+    @property
+    def outline(self) -> OutlineView | None:
+        """The outline of the latest scan, and the free water within it; None without one."""
+        return self._long.latest
+
+    @property
+    def stands(self) -> Mapping[int, bool]:
+        """Of that outline's long objects, by number, whether they stand, as far as is known."""
+        return self._long.stands
 
     @property
     def doubted(self) -> tuple[str, ...]:

@@ -13,11 +13,10 @@ from pathlib import Path
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.files import read_file, require_unwritable
 from twinscrew.runtime.integrity.manifest import Manifest, read_manifest
+from twinscrew.runtime.policy.load import PLANNERS
 from twinscrew.runtime.settings import MOST_BYTES, parse, shipped
 from twinscrew.runtime.vessel.config import RuntimeConfig
 from twinscrew.runtime.vessel_description import DEFAULT
-
-BASELINES = ("apf", "mpc")
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +135,7 @@ def _read(path: Path) -> bytes:
 
 
 def _policy(spec: str) -> Path:
-    if spec in BASELINES:
+    if spec in PLANNERS:
         return shipped("policies", spec)
     return shipped("policies", spec, ".onnx")
 

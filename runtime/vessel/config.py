@@ -14,6 +14,8 @@ from msgspec.structs import replace
 
 from twinscrew.runtime.bus.zenoh import ZenohSettings
 from twinscrew.runtime.charts.chart import ChartSettings
+from twinscrew.runtime.charts.learnt import LearntSettings
+from twinscrew.runtime.charts.route import RouteSettings
 from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.estimation.estimator import EstimationSettings
@@ -70,7 +72,7 @@ class RuntimeConfig(Settings, frozen=True):
     """Where the LiDAR sits, x_m, y_m, z_m (forward, port, up from the vessel's origin) and
     roll_rad, pitch_rad, yaw_rad; none takes the sensor's own description's."""
     policy: str = "ac_iqn"
-    """A name in config/policies, an ONNX file, "apf" or "mpc"."""
+    """A name in config/policies, an ONNX file, "apf", "mpc", "orca" or "sbmpc"."""
     risk: RiskSettings = RiskSettings()
     odometry_source: Literal["bus", "autopilot", "gps_imu"] = "bus"
     """Where odometry comes from: the `odometry` topic, the autopilot's own estimate, or a filter
@@ -96,6 +98,8 @@ class RuntimeConfig(Settings, frozen=True):
     bus: ZenohSettings = ZenohSettings()
     autopilot: AutopilotSettings = AutopilotSettings()
     chart: ChartSettings = ChartSettings()
+    route: RouteSettings = RouteSettings()
+    learnt: LearntSettings = LearntSettings()
     ground: GroundSettings = GroundSettings()
     priority: PrioritySettings = PrioritySettings()
     recording: RecordingSettings = RecordingSettings()

@@ -10,12 +10,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from twinscrew.runtime.charts.route import settings_for
 from twinscrew.runtime.perception.segmentation import PerceptionSettings
 from twinscrew.runtime.perception.sensor import Mount, Sensor
 from twinscrew.runtime.policy.hull_units import units_of
 from twinscrew.runtime.policy.observation import ObservationSettings
 from twinscrew.runtime.policy.risk import RiskSettings
-from twinscrew.runtime.safety.assurance import AssuranceSettings
+from twinscrew.runtime.safety.assurance import AssuranceSettings, shore_margin_m
+from twinscrew.runtime.safety.prediction import close_circles
 from twinscrew.runtime.vessel_description import (
     DEFAULT,
     Vector,
@@ -62,6 +64,7 @@ def hull_settings(vessel: VesselDescription) -> dict[str, Any]:
             "goal_range_m": ObservationSettings().goal_range_m * units.length,
         },
         "assurance": _assurance(vessel, reference),
+        "route": settings_for(vessel),
         "alarms": {"own_radius_m": vessel.radius_m},
         "autopilot": {"paddles": paddles(vessel)},
         "envelope": {"enabled": False},  # the shipped one is what the default vessel was proved for
@@ -133,6 +136,7 @@ def _assurance(vessel: VesselDescription, reference: VesselDescription) -> dict[
         "step_s": horizon_s / round(tuned.horizon_s / tuned.step_s),
         "wait_s": round(max(tuned.wait_s * stops_s, 0.2), 2),
         "margin_m": round(max(tuned.margin_m * units.length, 0.3), 3),
+        "shore_margin_m": shore_margin_m(vessel),
         "approach_per_s": tuned.approach_per_s / units.time,
         "slew_nps": slew_nps,
         "brake_nspm": tuned.brake_nspm * force / units.speed,
@@ -144,5 +148,6 @@ def _assurance(vessel: VesselDescription, reference: VesselDescription) -> dict[
             "quadratic_drag": [vessel.quadratic_drag[i] for i in (0, 1, 5)],
             "lever_m": vessel.lever_m,
             "hull": [list(circle) for circle in vessel.circles_m],
+            "close_hull": [list(circle) for circle in close_circles(vessel)],
         },
     }

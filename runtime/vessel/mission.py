@@ -98,6 +98,11 @@ class Mission:
         return np.array([goal.position_N for goal in ahead]).reshape(-1, 2)
 
     @property
+    def radius_m(self) -> float:
+        """[m] A goal is reached within this distance."""
+        return self._settings.goal_radius_m
+
+    @property
     def reached(self) -> int:
         """[-] How many goals of the last order have been reached."""
         return self._index + (self.arrived if self._station is None else self._was_held)

@@ -75,6 +75,9 @@ class Outputs:
     """The decision, if the message was a scan that could be used."""
     goals_N: Float64 | None = None
     """[m] [N] (K, 2) With a decision, the goals ahead; None elsewhere."""
+    route_N: Float64 | None = None
+    """[m] [N] (M, 2) With a decision, the route around what is fixed, from the boat to the goal;
+    empty while the way is straight; None elsewhere."""
     thrust: Float64 = field(default_factory=lambda: NEUTRAL)
     """[N] (2,) What `autopilot` asks of the propellers, left and right."""
     targets: Tracks | None = None
@@ -117,6 +120,7 @@ class Publisher:
         self._path = SailedPath()
         self._state_ns: int | None = None
         self._drawn_ns: int | None = None
+        self._planned_ns: int | None = None
         self._came: bytes | None = None
         self._recorder_losses, self._bus_losses = Losses(), Losses()
         self.has_listeners = bus is not None or recorder is not None
@@ -138,6 +142,7 @@ class Publisher:
             self._take(taken)
         if out.decision is not None:
             self._decide(out.decision, out.thrust, explanation, out.goals_N)
+            self._plan(out.decision.stamp_ns, out.route_N)
         if out.targets is not None and self.has_listeners:
             self._put("ais_targets", cdr.encode_detections(out.targets))
         self.report(out.events)
@@ -239,6 +244,18 @@ class Publisher:
         shapes = situation_shapes(tracks, goals_N)
         frame_id = self._frames.world
         self._put("situation", cdr.encode_shapes(shapes, stamp_ns=stamp_ns, frame_id=frame_id))
+
+    def _plan(self, stamp_ns: int, route_N: Float64 | None) -> None:
+        """Publish the route once a second while there is one, and once that there is none."""
+        count, last_ns = 0 if route_N is None else len(route_N), self._planned_ns
+        if route_N is None or (not count and last_ns is None) or not self.has_listeners:
+            return
+        if count and last_ns is not None and 0 <= stamp_ns - last_ns < PATH_EVERY_NS:
+            return
+        self._planned_ns = stamp_ns if count else None
+        frame_id = self._frames.world
+        route = cdr.encode_path(route_N, stamp_ns=stamp_ns, frame_id=frame_id)
+        self._put("planned_route", route)
 
     def _put(self, topic: str, payload: bytes) -> None:
         if self._bus is not None:

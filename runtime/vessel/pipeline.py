@@ -7,10 +7,13 @@ and in a replay. A stage gives its value, and a `Fault` where it failed; then th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
+from twinscrew.runtime.charts.learnt import LearntMap
+from twinscrew.runtime.charts.route import NO_WALLS, Guidance
 from twinscrew.runtime.charts.static_map import StaticMap
 from twinscrew.runtime.errors import PolicyError, TwinscrewError
 from twinscrew.runtime.messages.types import (
@@ -39,6 +42,8 @@ from twinscrew.runtime.safety.events import (
     INPUT_LATE,
     PERCEPTION_ERROR,
     POLICY_ERROR,
+    ROUTE_FOUND,
+    ROUTE_MISSING,
     TRACKS_FORGOTTEN,
 )
 from twinscrew.runtime.safety.guard import NEUTRAL, Guard
@@ -155,6 +160,8 @@ class Pipeline:
         assurance: AssuranceStage | None = None,
         senses: Mapping[str, Sequence[Sense]] | None = None,
         alarms: Alarms | None = None,
+        guidance: Guidance | None = None,
+        learnt: LearntMap | None = None,
         keeper: Keeper | None = None,
     ) -> None:
         self.senses = Senses(senses or {}, tracker, alarms or Alarms())
@@ -167,8 +174,7 @@ class Pipeline:
         self.trial = policy if isinstance(policy, Trial) else None
         """Manoeuvres in the policy's place, if any; then goals do not count."""
         self._orders_before_trial = mission.orders
-        self.chart = StaticMap.empty()
-        """What is fixed around the boat; whoever takes it in replaces it."""
+        self._chart = StaticMap.empty()
         self.keeper = keeper
         """Holds places; None: at a place that is to be held the propellers rest."""
         self._observation = observation or ObservationSettings()
@@ -179,9 +185,26 @@ class Pipeline:
         """How fast the policy may drive; the assurance may do more, to get out of the way."""
         self.stopped = False
         """Whether the thrust is zero because the boat has left its operational envelope."""
+        self.guidance = guidance or Guidance(reach_m=self._observation.goal_range_m)
+        """The way to the goal around what is fixed."""
+        self.learnt = learnt
+        """What the LiDAR has learnt of walls and free water; None: it does not."""
+        self._held: Station | None = None
+        """The place to hold, as no way leads to the goal."""
         self._sequence = 0
         self._rate: Float64 = NEUTRAL
         self._thrust: Float64 = NEUTRAL
+
+    @property
+    def chart(self) -> StaticMap:
+        """What is fixed around the boat; whoever takes it in replaces it."""
+        return self._chart
+
+    @chart.setter
+    def chart(self, chart: StaticMap) -> None:
+        self._chart = chart
+        if isinstance(self.assurance, Assurance):
+            self.assurance.static_map = chart
 
     def step(
         self, cloud: PointCloud, odometry: Odometry, *, engaged: bool
@@ -210,21 +233,21 @@ class Pipeline:
         tracks, gap = self._track(objects, odometry)
         self._settling.step(cloud.stamp_ns, seen=blind is None)
         progress = self.mission.step(odometry)
-        goal = self.mission.target
+        self._learn(cloud.stamp_ns, odometry)
         idle = self.stopped or not engaged or blind is not None or self.is_settling
+        goal, told = self._guide(odometry, idle=idle)
+        station = self.mission.station or self._held
         if self.trial is not None:
             observation, failed, overridden = self._try(self.trial, odometry, tracks, idle=idle)
-        elif self.keeper is not None and self.mission.station is not None and not idle:
-            observation, failed, overridden = self._keep(
-                self.keeper, odometry, self.mission.station, tracks
-            )
+        elif self.keeper is not None and station is not None and not idle:
+            observation, failed, overridden = self._keep(self.keeper, odometry, station, tracks)
         elif goal is None or idle:
             observation, failed, overridden = self._stop()
         else:
             observation, failed, overridden = self._drive(odometry, goal, tracks)
         self._thrust, tripped = self.guard.check(self._thrust, cloud.stamp_ns)
         alarmed = self.senses.alarmed(odometry, tracks) if self.senses.by_topic else ()
-        reported = (blind, *heard, gap, progress, failed, *overridden, *alarmed, tripped)
+        reported = (blind, *heard, gap, progress, told, failed, *overridden, *alarmed, tripped)
         decision = Decision(
             stamp_ns=cloud.stamp_ns,
             sequence=self._sequence,
@@ -263,6 +286,9 @@ class Pipeline:
     def reset(self) -> None:
         """Forget the surroundings: the inputs' time, or the vessel's position, has jumped."""
         self._settling.restart()
+        self.guidance.reset()
+        if self.learnt is not None:
+            self.learnt.reset()
         self._stop()
         self.tracker.reset()
         self.senses.forgotten()
@@ -291,6 +317,43 @@ class Pipeline:
         self._settling.restart()
         self.senses.forgotten()
         return tracks, TRACKS_FORGOTTEN.at(objects.stamp_ns, self.tracker.note)
+
+    def _learn(self, stamp_ns: int, odometry: Odometry) -> None:
+        """Add what this scan shows of walls and free water to what is learnt."""
+        if self.learnt is None or not isinstance(self.tracker, Tracker):
+            return
+        view = self.tracker.outline
+        if view is not None and view.stamp_ns == stamp_ns:
+            stands = self.tracker.stands
+            self.learnt.step(odometry, view.outline, lambda: view.water, stands)
+
+    def _guide(self, odometry: Odometry, *, idle: bool) -> tuple[Goal | None, HealthEvent | None]:
+        """Give the place to steer for: the goal, or a place on the route there; None to lie still.
+
+        Without a way to the goal the vessel holds the place where that was found out.
+        """
+        goal = self.mission.target
+        if goal is None or idle or self.trial is not None:
+            self._held = None
+            if (goal is None or self.trial is not None) and self.guidance.route is not None:
+                self.guidance.reset()
+            return goal, None
+        learns = self.learnt is not None and self.guidance.settings.learnt
+        walls = self.learnt.walls if self.learnt is not None and learns else NO_WALLS
+        place_N, stamp_ns = odometry.position_N[:2], odometry.stamp_ns
+        drift_N = self.assurance.drift_N if isinstance(self.assurance, Assurance) else None
+        aim = self.guidance.step(stamp_ns, place_N, goal.position_N, self.chart, walls, drift_N)
+        told = ROUTE_FOUND.at(stamp_ns, aim.news) if aim.news else None
+        if aim.trouble:
+            told = ROUTE_MISSING.at(stamp_ns, aim.trouble)
+        if aim.place_N is None:
+            held = self._held or Station(stamp_ns=stamp_ns, position_N=place_N.copy())
+            self._held = held
+            return None, told
+        self._held = None
+        if aim.place_N is goal.position_N:
+            return goal, told
+        return replace(goal, position_N=aim.place_N), told
 
     def _drive(self, odometry: Odometry, goal: Goal, tracks: Tracks) -> Driven:
         """Ask the policy if a decision is due, and let the assurance check every thrust."""
@@ -402,6 +465,8 @@ def make_pipeline(
         assurance=assurance or Assurance(config.assurance, config.thrust),
         senses=make_senses(senses_of(config)),
         alarms=Alarms(config.alarms),
+        guidance=Guidance(config.route, config.observation.goal_range_m),
+        learnt=LearntMap(config.learnt) if config.learnt.enabled else None,
         keeper=Keeper(config.station, load_vessel(config.vessel), config.thrust),
     )
 

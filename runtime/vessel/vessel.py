@@ -11,6 +11,7 @@ import math
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -60,6 +61,7 @@ from twinscrew.runtime.safety.envelope import (
 from twinscrew.runtime.safety.events import (
     BAD_MESSAGE,
     CHART_CHANGED,
+    FENCES_REFUSED,
     GOAL_FORBIDDEN,
     GOAL_FRAME,
     INTERNAL_ERROR,
@@ -130,6 +132,8 @@ class Vessel:
         How fast "slow" is.
     chart
         What is fixed around the boat; None: nothing is known.
+    follows_fences
+        Whether the fences that the autopilot holds count.
     """
 
     def __init__(
@@ -147,6 +151,7 @@ class Vessel:
         envelope: Envelope | None = None,
         slow: SpeedLimit | None = None,
         chart: StaticMap | None = None,
+        follows_fences: bool = True,
     ) -> None:
         self.pipeline = pipeline
         self.link = link
@@ -163,7 +168,10 @@ class Vessel:
         self._charted = chart or StaticMap.empty()
         self._next_chart = None if self._charted.is_empty else self._charted
         self._fences: dict[str, tuple[Feature, ...]] = {}
+        self._follows_fences = follows_fences
         self._is_forbidden = False
+        if link.stations is not None:
+            link.stations.server.fence.honour = partial(self.fence, "station")
         self._alignment = alignment
         self._estimator = estimator
         self._ground = GroundService(
@@ -258,6 +266,11 @@ class Vessel:
                 if stamp_ns is not None:
                     aligned = replace(odometry, stamp_ns=stamp_ns)
                     self._own_odometry(aligned, out, now_s)
+        fences = self.link.take_fences()
+        if fences is not None and self._follows_fences:
+            words = fences if isinstance(fences, str) else self.fence("autopilot", fences)
+            if words:
+                self._tell(out, now_s, FENCES_REFUSED.at(self.stamp_ns, words))
         for age_s, text in self.link.take_ais():
             if "nmea" in self._handlers and self.inputs.latest_ns:
                 stamp_ns = self.inputs.latest_ns - round(age_s * NANOSECONDS_PER_SECOND)
@@ -369,6 +382,9 @@ class Vessel:
         decision, fault = self.pipeline.step(cloud, verdict.odometry, engaged=self.engaged)
         self.decision = out.decision = decision
         out.goals_N = self.pipeline.mission.ahead_N
+        ahead_N = self.pipeline.guidance.ahead_N
+        here_N = verdict.odometry.position_N[None, :2]
+        out.route_N = np.concatenate([here_N, ahead_N]) if len(ahead_N) else ahead_N
         self._fault = fault is not None
         self._watch_place(out, now_s)
         self._has_looked = self._has_looked or self.pipeline.knows_surroundings
@@ -460,10 +476,10 @@ class Vessel:
             except FrameError as error:
                 self._tell(out, now_s, GOAL_FRAME.at(self.stamp_ns, str(error)))
                 return
-        why = self._why_not(places_N)
-        if why:
-            self._tell(out, now_s, GOAL_FORBIDDEN.at(self.stamp_ns, f"not taken: {why}"))
-            return
+            why = self._why_not(places_N[:1] if order.kind == "hold" else places_N)
+            if why:
+                self._tell(out, now_s, GOAL_FORBIDDEN.at(self.stamp_ns, f"not taken: {why}"))
+                return
         stamp_ns = order.stamp_ns or self.stamp_ns
         if order.kind == "route":
             self._tell(out, now_s, mission.set_route(places_N, stamp_ns))
@@ -483,6 +499,8 @@ class Vessel:
             self._tell(out, now_s, nowhere)
         if order is not None and not placed:
             self._order(order, out, now_s)
+        elif order is not None:
+            self._take_back(out, now_s)
 
     def _odometry_at(self, stamp_ns: int) -> Odometry | None:
         return self.inputs.at(stamp_ns) if stamp_ns else self.inputs.newest
@@ -528,7 +546,7 @@ class Vessel:
         if not chart.leaves_water:
             return "together with the other fences and the chart they leave no water"
         self._fences = others
-        if chart.version != self.chart.version:
+        if chart.version != (self._next_chart or self.chart).version:
             self._next_chart = chart
         return ""
 
@@ -542,14 +560,18 @@ class Vessel:
         self._tell(out, now_s, CHART_CHANGED.at(self.stamp_ns, words))
         if self.link.stations is not None:
             self.link.stations.chart = chart
+        self._take_back(out, now_s)
+        self._is_forbidden = False
+        self._watch_place(out, now_s)
+
+    def _take_back(self, out: Outputs, now_s: float) -> None:
+        """Take back all goals if one of them is forbidden."""
         mission = self.pipeline.mission
         why = self._why_not(mission.ahead_N)
         if why:
             nowhere = mission.set_route(np.empty((0, 2)), self.stamp_ns)
             taken_back = GOAL_FORBIDDEN.at(self.stamp_ns, f"taken back: {why}")
             self._tell(out, now_s, taken_back, nowhere)
-        self._is_forbidden = False
-        self._watch_place(out, now_s)
 
     def _watch_place(self, out: Outputs, now_s: float) -> None:
         """Say when the boat comes to where it may not be, and when it has left it."""
@@ -732,6 +754,7 @@ def make_vessel(
         envelope=Envelope(config.envelope),
         slow=slow_of(config),
         chart=chart,
+        follows_fences=config.chart.autopilot_fences,
     )
 
 
@@ -748,7 +771,10 @@ def chart_of(config: RuntimeConfig) -> StaticMap:
     if not features:
         return StaticMap.empty()
     depth_m = safety_depth_m(settings, load_vessel(config.vessel).draught_m)
-    return StaticMap.of(features, safety_depth_m=depth_m)
+    chart = StaticMap.of(features, safety_depth_m=depth_m)
+    if not chart.leaves_water:
+        raise ConfigError("its land and fences leave no water", key="chart")
+    return chart
 
 
 def _check_goals(config: RuntimeConfig, chart: StaticMap) -> None:

@@ -14,7 +14,7 @@ from typing import Self
 from tests.harness.waiting import wait_until
 
 PROGRAM = Path(sys.executable).with_name("mavproxy.py")
-MODULES = "wp,param,mode,arm,cmdlong,link,misc"
+MODULES = "wp,fence,param,mode,arm,cmdlong,link,misc"
 """Those that need neither a window nor the network."""
 LOOK_S = 0.3
 """[s] Between two looks."""

@@ -116,6 +116,9 @@ class TextAutopilot:
         begun, over = AUTOPILOT_SILENT.at(stamp_ns), AUTOPILOT_RECOVERED.at(stamp_ns)
         return (begun if self._was_silent else over,)
 
+    def take_fences(self) -> None:
+        """It holds none."""
+
     def take_ais(self) -> list[tuple[float, str]]:
         """It has no receiver."""
         return []

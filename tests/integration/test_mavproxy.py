@@ -14,6 +14,7 @@ from tests.harness.mavproxy import PROGRAM, MavProxy
 from tests.harness.waiting import wait_until
 
 from twinscrew.hil_sim.sitl_runtimes import DATUM
+from twinscrew.runtime.charts.chart import as_map
 from twinscrew.runtime.datum import to_degrees
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.recording.recording import find_recordings
@@ -27,6 +28,8 @@ goal_m = [58, 27.5]
 """
 BY_THE_WAY, GOAL = (22.0, 40.0), (58.0, 27.5)
 """[m] [N] A place far off the straight way, and the scenario's goal."""
+REEF = (45.0, 50.0)
+"""[m] [N] Inside an exclusion fence."""
 
 pytestmark = [
     pytest.mark.slow,
@@ -44,12 +47,25 @@ def mission(*places: tuple[float, float]) -> str:
     return "\n".join(["QGC WPL 110", *lines, ""])
 
 
+def fence() -> str:
+    """Write a fence as ground stations keep it: a polygon to stay inside of, a circle to avoid."""
+    bay = [(5001, 4, place) for place in ((-20.0, 0.0), (90.0, 0.0), (90.0, 60.0), (-20.0, 60.0))]
+    items = [*bay, (5004, 6, REEF)]
+    lines = ["QGC WPL 110"]
+    for seq, (command, size, place) in enumerate(items):
+        lat, lon = to_degrees(DATUM, place)
+        row = (seq, 0, 3, command, size, 0, 0, 0, f"{lat:.8f}", f"{lon:.8f}", 0, 1)
+        lines.append("\t".join(map(str, row)))
+    return "\n".join([*lines, ""])
+
+
 @pytest.fixture(scope="module")
 def voyage(tmp_path_factory):
     """One voyage with everything that the station does to the boat; each test looks at a part."""
     folder = tmp_path_factory.mktemp("mavproxy")
     (folder / "far.toml").write_text(SCENARIO)
     (folder / "mission.txt").write_text(mission(BY_THE_WAY, GOAL))
+    (folder / "fence.txt").write_text(fence())
     log = folder / "log.txt"
     with MavProxy(folder) as station:
         words = ("--scenario", folder / "far.toml", "--ground", station.address)
@@ -82,6 +98,9 @@ def sail(station: MavProxy, folder: Path, log: Path) -> None:
     lat, lon = to_degrees(DATUM, (30.0, 30.0))
     station.type(f"guided {lat:.7f} {lon:.7f} 0", "DO_REPOSITION: ACCEPTED")
     station.hears("north 30.0 m, east 30.0 m")
+    station.type(f"fence load {folder / 'fence.txt'}", "MISSION_ACK: TYPE_FENCE: ACCEPTED")
+    lat, lon = to_degrees(DATUM, REEF)
+    station.type(f"guided {lat:.7f} {lon:.7f} 0", "goal refused: it is inside an exclusion fence")
     station.type("position 3 0 0", "A new goal was accepted")
     station.type("wp set 2", "A new goal was accepted. (1 in a row")
 
@@ -130,6 +149,15 @@ def test_every_order_is_in_the_recording_and_the_replay_gives_the_same_decisions
     assert routes[0] == pytest.approx(np.array([BY_THE_WAY, GOAL]), abs=0.02)
     assert len(inputs_of(run, "goal")) == 3
     assert as_json(twinscrew("replay", run, "--json"))["same"] is True
+
+
+def test_the_boat_has_the_fence_that_the_station_uploaded(voyage) -> None:
+    run, _, _, _ = voyage
+    (payload,) = inputs_of(run, "chart")
+    chart = as_map(cdr.decode_chart(payload))
+    assert chart.why(np.array(REEF)).startswith("inside an exclusion fence")
+    assert chart.why(np.array([-30.0, 30.0])).startswith("outside the fence")
+    assert not chart.why(np.array(GOAL))
 
 
 def test_the_station_was_told_in_plain_words(voyage) -> None:

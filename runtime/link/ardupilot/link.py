@@ -13,10 +13,12 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from twinscrew.runtime.charts.static_map import Feature
 from twinscrew.runtime.ground.orders import OrderSettings
 from twinscrew.runtime.ground.stations import Stations
 from twinscrew.runtime.link.ardupilot import commands
 from twinscrew.runtime.link.ardupilot.authority import mode_name
+from twinscrew.runtime.link.ardupilot.fences import FenceReader
 from twinscrew.runtime.link.ardupilot.listener import Listener, Trials
 from twinscrew.runtime.link.ardupilot.parameters import GCS_ID, OTHER_NAMES, ParameterState
 from twinscrew.runtime.link.ardupilot.settings import AutopilotSettings
@@ -260,6 +262,7 @@ class AutopilotLink:
         self._conditions = Conditions()
         self._release = ChannelRelease()
         self._trials = Trials()
+        self._fences = FenceReader(settings)
         self._words = 0
         self._outbox: list[Message] = []
         self._texts = 0
@@ -278,6 +281,7 @@ class AutopilotLink:
         self._now_s = now_s
         for message in self.wire.decode(data):
             if self._listener.take(message, now_s):
+                self._fences.take(message, now_s)
                 continue
             if message.get_type() == "HEARTBEAT" and message.type == mavlink.MAV_TYPE_GCS:
                 self._station_s = now_s
@@ -410,6 +414,10 @@ class AutopilotLink:
         """Give every odometry made of the autopilot's messages since the last call."""
         return self._listener.odometry.take()
 
+    def take_fences(self) -> tuple[Feature, ...] | str | None:
+        """See `Autopilot`."""
+        return self._fences.news()
+
     def take_ais(self) -> list[tuple[float, str]]:
         """Give what the autopilot has forwarded of AIS: age [s] and sentence of each report."""
         heard, self._listener.vessels = self._listener.vessels, []
@@ -460,6 +468,7 @@ class AutopilotLink:
         messages = [request for stream in listener.streams for request in stream.ask(now_s)]
         messages += listener.parameters.ask(self.settings.system_id, now_s)
         messages += listener.odometry.clock.ask(now_s)
+        messages += self._fences.ask(now_s)
         if not may_ask:
             return messages
         if listener.is_boat and authority.asks_manual and (ask := listener.manual.ask(now_s)):

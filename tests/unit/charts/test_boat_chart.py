@@ -1,16 +1,23 @@
 """A boat with a chart: goals that it forbids, the recording, what is said."""
 
 import json
+import socket
+import threading
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.harness.boat import feed, odometry, stamp
+from tests.harness.commands import twinscrew
 from tests.unit.charts.test_geojson import DATUM, SQUARE, collection, feature, lon_lat, ring
 
+from twinscrew.runtime.bus.base import Inbox
+from twinscrew.runtime.bus.zenoh import ZenohBus, ZenohSettings
 from twinscrew.runtime.charts.chart import as_map, as_message
 from twinscrew.runtime.charts.static_map import Area, Disc, StaticMap
+from twinscrew.runtime.doctor.checks import Verdict, check_chart
 from twinscrew.runtime.errors import ConfigError, MessageError
 from twinscrew.runtime.ground.orders import GoalFrames
 from twinscrew.runtime.messages import cdr
@@ -78,11 +85,21 @@ def test_a_goal_on_land_is_not_taken_and_the_one_before_stays():
 def test_a_route_with_a_place_in_shallow_water_is_not_taken():
     shoal = {"outline_m": SQUARE, "depth_m": 0.4}
     vessel = vessel_with(depth=[shoal], safety_depth_m=1.0)
+    feed(vessel, "odometry", cdr.encode_odometry(odometry(1.0, north=-20.0)), 1.0)
     path = cdr.encode_path(np.array([[-9.0, 0.0], [20.0, 15.0]]), stamp_ns=stamp(1.0), frame_id="")
     out = feed(vessel, "route", path, 1.0)
     (words,) = events(out, "goal_forbidden")
     assert "goal 2 of 2" in words
     assert "in water shallower than 1 m" in words
+    assert vessel.pipeline.mission.goal is None
+
+
+def test_a_goal_that_came_before_any_odometry_is_taken_back_if_it_is_on_land():
+    vessel = vessel_with(land=[LAND])
+    assert not events(feed(vessel, "goal", goal(20.0, 15.0), 1.0), "goal_forbidden")
+    out = feed(vessel, "odometry", cdr.encode_odometry(odometry(1.0, north=-20.0)), 1.1)
+    (words,) = events(out, "goal_forbidden")
+    assert words.startswith("taken back: the goal")
     assert vessel.pipeline.mission.goal is None
 
 
@@ -122,6 +139,8 @@ def test_fences_that_leave_no_water_are_refused_and_those_before_stay():
 def test_a_replay_has_the_same_map_and_refuses_the_same_goals():
     vessel = vessel_with(land=[LAND])
     taken = list(vessel.tick(0.0).messages)
+    here = cdr.encode_odometry(odometry(1.0, north=-20.0))
+    taken += feed(vessel, "odometry", here, 1.0).messages
     taken += feed(vessel, "goal", goal(-20.0, 30.0), 1.0).messages
     vessel.fence("autopilot", (BAY,))
     taken += vessel.tick(1.1).messages
@@ -151,6 +170,14 @@ def test_a_station_that_asks_for_a_forbidden_place_is_denied_and_told_why(place,
     frames = GoalFrames(None, 5000.0, StaticMap.of([land, BAY]))
     fault = frames.place(int(mavlink.MAV_FRAME_LOCAL_NED), *place)
     assert (fault.result, fault.words) == (mavlink.MAV_MISSION_DENIED, words)
+
+
+def test_the_doctor_reports_what_the_chart_forbids(tmp_path):
+    found = check_chart(load_config(write(tmp_path, DATUM_TOML)))
+    assert found.verdict is Verdict.WARN  # the square's corner is the datum
+    assert "1 land; 4 edges, safety depth 0.8" in found.found
+    assert "the origin of frame N is on land" in found.found
+    assert check_chart(config_for("wam_v")).verdict is Verdict.OK
 
 
 def write(folder: Path, text: str, **more) -> Path:
@@ -199,3 +226,35 @@ def test_the_point_of_a_chart_is_a_point_of_the_earth(tmp_path):
     vessel = make_vessel(load_config(tmp_path / "boat.toml"))
     vessel.tick(0.0)
     assert vessel.chart.distance_m(np.array([[22.0, -7.0]]))[0] == pytest.approx(9.0, abs=0.02)
+
+
+@pytest.mark.slow
+def test_send_says_in_the_boats_words_that_a_goal_is_on_land(tmp_path):
+    """The command, Zenoh and the vessel are real; only the boat's loop is this test's."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    vessel = vessel_with(land=[LAND])
+    feed(vessel, "odometry", cdr.encode_odometry(odometry(1.0, north=-20.0)), 1.0)
+    (tmp_path / "boat.toml").write_text(f'[bus]\nconnect = ["{endpoint}"]\n')
+    inbox = Inbox()
+    with closing(ZenohBus(ZenohSettings(listen=(endpoint,)), "wamv")) as bus:
+        inbox.listen(bus, ("goal",))
+
+        def answer():
+            for _ in range(2):
+                message = next(iter(inbox.wait(60.0)))
+                out = vessel.handle(message, 1.1)
+                payload = cdr.encode_diagnostics(out.events, stamp_ns=stamp(1.1), hardware_id="")
+                bus.publish("diagnostics", payload)
+
+        boat = threading.Thread(target=answer)
+        boat.start()
+        words = ("--config", tmp_path / "boat.toml")
+        refused = twinscrew("send", "goal", "15", "20", *words)
+        taken = twinscrew("send", "goal", "100", "30", *words)
+        boat.join()
+    assert refused.returncode == 2
+    assert "refused (goal_forbidden): not taken: the goal, north 20.0 m" in refused.stderr
+    assert "is on land (Mole)" in refused.stderr
+    assert (taken.returncode, taken.stderr) == (0, "")

@@ -60,6 +60,7 @@ def test_on_this_machine_nothing_fails(tmp_path: Path) -> None:
         "permissions",
         "network",
         "sensor",
+        "chart",
         "policy",
         "policy card",
         "autopilot port",

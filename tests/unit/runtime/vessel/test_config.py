@@ -5,7 +5,7 @@ import pytest
 from twinscrew.hil_sim.bench.budgets import load_budgets
 from twinscrew.hil_sim.experiments.plan import load_sets
 from twinscrew.hil_sim.faults.plan import load_plan
-from twinscrew.hil_sim.scenario import load_scenario
+from twinscrew.hil_sim.scenario import dnv_situations, load_scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.shapes import load_shape
 from twinscrew.hil_sim.soak.limits import load_soak
@@ -34,6 +34,9 @@ READERS = {
     "experiments/training_vessel.toml": load_vessel,
     "policies/apf.toml": lambda path: load_policy("apf"),
     "policies/mpc.toml": lambda path: load_policy("mpc"),
+    "policies/orca.toml": lambda path: load_policy("orca"),
+    "policies/sbmpc.toml": lambda path: load_policy("sbmpc"),
+    "meetings/dnv.toml": lambda path: dnv_situations(),
     "experiments/*": load_sets,
     "faults/*": load_plan,
     "tracking/autoferry.toml": autoferry_settings,
