@@ -68,8 +68,14 @@ def test_fewer_than_twenty_echoes_are_no_object() -> None:
 
 @pytest.mark.parametrize(
     ("away_m", "echoes", "seen"),
-    [(20.0, 19, False), (20.0, 20, True), (35.0, 7, False), (35.0, 9, True), (58.0, 5, False)]
-    + [(58.0, 6, True)],
+    [
+        (20.0, 19, False),
+        (20.0, 20, True),
+        (35.0, 7, False),
+        (35.0, 9, True),
+        (58.0, 5, False),
+        (58.0, 6, True),
+    ],
 )
 def test_far_objects_need_as_many_fewer_echoes_as_their_angle_is_smaller(
     away_m: float, echoes: int, seen: bool
