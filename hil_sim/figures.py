@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -42,10 +42,27 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#0
 OUTCOMES = {
     "goal": "arrived after",
     "collision": "collided after",
+    "fence": "entered a fence after",
     "timeout": "out of time after",
     "done": "trial done after",
     "ended": "trial ended early after",
 }
+
+
+FLOW_ARROWS = 12
+"""[-] Arrows of the current along the longer side of the map."""
+_CLOSED = {"fill": False, "hatch": "////", "edgecolor": "#c2186b", "linewidth": 0.8, "alpha": 0.6}
+REGIONS: dict[str, tuple[dict[str, Any], str]] = {
+    "land": ({"facecolor": "#d8cbaa", "edgecolor": "0.35", "linewidth": 0.8}, "land"),
+    "keep_out": (_CLOSED, "keep-out area"),
+    "depth": ({"facecolor": "#bfe0ea", "edgecolor": "#4f93a8", "linewidth": 0.6}, "shallow"),
+    "hazard": ({"facecolor": "#555555", "hatch": "xx", "edgecolor": "0.2"}, "hazard"),
+    "fence": (
+        {"fill": False, "edgecolor": "#c2186b", "linestyle": "--", "linewidth": 1.4},
+        "fence",
+    ),
+}
+"""How what is charted is drawn, and what it is called."""
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -193,7 +210,8 @@ _Label = tuple[float, Float64, str]
 def _draw_map(axes: Axes, scenario: Scenario, low: Float64, high: Float64) -> None:
     from matplotlib.patches import Circle
 
-    for north, east, radius in scenario.buoys:
+    _draw_regions(axes, scenario)
+    for north, east, radius in scenario.circles:
         axes.add_patch(Circle((east, north), radius, color="0.25", zorder=3))
     for quay in scenario.quays:
         axes.add_patch(_quay(quay))
@@ -213,6 +231,40 @@ def _draw_map(axes: Axes, scenario: Scenario, low: Float64, high: Float64) -> No
     )
     axes.grid(color="0.92")
     axes.set_axisbelow(True)
+
+
+FLOW_S = 4.0
+"""[s] Arrows of the current are as long as it flows in this time."""
+
+
+def _draw_regions(axes: Axes, scenario: Scenario) -> None:
+    """Draw land, what is charted, and the current when the run begins."""
+    from matplotlib.patches import Polygon
+
+    named: set[str] = set()
+    for outline in scenario.outlines:
+        shut = outline.kind == "fence" and not outline.keep_in
+        style, words = REGIONS["keep_out" if shut else outline.kind]
+        label = "_" if words in named else words
+        named.add(words)
+        axes.add_patch(Polygon(outline.ring[:, ::-1], zorder=1.5, label=label, **style))
+    flow = scenario.flow(FLOW_ARROWS)
+    if len(flow):
+        north, east, v_north, v_east = flow.T
+        fastest = float(np.hypot(v_north, v_east).max())
+        axes.quiver(
+            east,
+            north,
+            v_east,
+            v_north,
+            color="#7aa6c2",
+            width=0.003,
+            angles="xy",
+            scale_units="xy",
+            scale=1.0 / FLOW_S,
+            zorder=1.2,
+            label=f"current at first, up to {fastest:.1f} m/s",
+        )
 
 
 def _quay(quay: Float64) -> Polygon:

@@ -20,7 +20,7 @@ from msgspec.structs import replace
 from twinscrew.hil_sim import random_scenario
 from twinscrew.hil_sim.random_scenario import Coordinate, RandomSettings, from_quays
 from twinscrew.hil_sim.traffic import TrafficEntry
-from twinscrew.runtime.charts.static_map import Area, Disc, Feature, StaticMap
+from twinscrew.runtime.charts.static_map import Area, Disc, Feature, Outline, StaticMap
 from twinscrew.runtime.errors import ConfigError, one_of
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import NonNegative, Positive, Settings, load, shipped
@@ -94,6 +94,24 @@ class Scenario:
         """Everything that a chart shows: land, quays, and what is `charted`."""
         quays = [Area(kind="land", outline=corners_of(box), name="quay") for box in self.quays]
         return StaticMap.of([*land_areas(self.land), *quays, *self.charted])
+
+    @property
+    def outlines(self) -> tuple[Outline, ...]:
+        """What a picture shows of land and of what is charted, whatever its depth; no quays."""
+        features = [*land_areas(self.land), *self.charted]
+        return StaticMap.of(features, safety_depth_m=math.inf).polygons
+
+    def flow(self, most: int) -> Float64:
+        """Give arrows of the current at the beginning: (K, 4) [m, m/s] north, east and velocity.
+
+        At most `most` of them along the longer side of the map; none in still water.
+        """
+        if not (self.current.mean.any() or self.current.vortex.any()):
+            return np.empty((0, 4))
+        step = max(self.map_size) / most
+        north, east = (np.arange(0.5 * step, side, step) for side in self.map_size)
+        places = np.stack(np.meshgrid(north, east, indexing="ij"), axis=-1).reshape(-1, 2)
+        return np.column_stack([places, self.current.velocity(places, 0.0)])
 
     @property
     def circles(self) -> Float64:
@@ -426,12 +444,12 @@ def load_scenario(
     """
     series, _, case = str(name).partition(":")
     if case and series in SERIES:
-        path, file = Path(str(name)), SERIES[series](case, seed)
+        path, file, called = Path(str(name)), SERIES[series](case, seed), str(name)
     else:
         path = shipped("scenarios", name)
-        file = load(path, ScenarioFile)
+        file, called = load(path, ScenarioFile), path.stem
     try:
-        scenario = _make(path.stem, file, vessels, buoys, seed, types)
+        scenario = _make(called, file, vessels, buoys, seed, types)
         _require_water(scenario)
     except ConfigError as error:
         raise ConfigError(str(error), file=path) from error
@@ -667,7 +685,7 @@ def _charted(file: ScenarioFile) -> tuple[Feature, ...]:
     return tuple(found)
 
 
-AROUND_M = 2000.0
+AROUND_M = 300.0
 """[m] What an inclusion fence forbids is given to the vessels as far as this around the map."""
 
 

@@ -224,7 +224,7 @@ class CentroidModel:
 
 def crowded(
     places: NDArray[np.float64], centres: NDArray[np.float64], radii: NDArray[np.float64]
-) -> bool: ...
+) -> list[list[int]]: ...
 def invert_stack(matrices: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def innovations(
     x: NDArray[np.float64],
@@ -309,6 +309,19 @@ def pair_fits(
     origin: Sequence[float],
     gate: float,
 ) -> NDArray[np.float64]: ...
+def mixtures(
+    x: NDArray[np.float64],
+    P: NDArray[np.float64],
+    z: NDArray[np.float64],
+    H: NDArray[np.float64],
+    R: NDArray[np.float64],
+    R_rad2: NDArray[np.float64],
+    origin: Sequence[float],
+    shares: NDArray[np.float64],
+) -> NDArray[np.float64]: ...
+def shadowed(
+    offsets: NDArray[np.float64], hides: NDArray[np.bool_], width: float
+) -> NDArray[np.bool_]: ...
 def association_marginals(weights: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
 class RoutePlanner:

@@ -245,11 +245,7 @@ class VectorEnv:
         others = strangers or scripted
         lag_s = s.conditions.thrust_lag_s
         has_harbours = any(row.harbour for row in s.scenarios)
-        land = (
-            Land((self.episodes, self.vessels), s.land, 0.4 * s.vessel.width)
-            if has_harbours
-            else None
-        )
+        land = Land((self.episodes, self.vessels), s.land) if has_harbours else None
         self.state = State(self.episodes, self.vessels, self.buoys, others, s.vessel, lag_s, land)
         """What is on the water now."""
         self.physics = Physics(

@@ -204,11 +204,7 @@ class Episodes:
             chance = np.concatenate([chance, further], axis=-1)
         every = np.arange(len(generators))
         lag_s = self._conditions.thrust_lag_s
-        land = (
-            Land((len(generators), vessels), self._land, 0.4 * self._vessel.width)
-            if self.has_harbours
-            else None
-        )
+        land = Land((len(generators), vessels), self._land) if self.has_harbours else None
         state = State(len(generators), vessels, buoys, room, self._vessel, lag_s, land)
         state.begin(every, scenario)
         if self._conditions.varied:

@@ -28,8 +28,14 @@ Index = NDArray[np.intp]
 Complex64 = NDArray[np.complex64]
 Points = NDArray[np.complex128]
 
+SIGHT_SHARE = 0.8
+"""[-] The straight line to the goal that is shown keeps this share of the way's own clearance,"""
+MOST_ROOM_M = 5.0
+"""[m] of which more than this does not count: one hull length."""
 WAY_POINTS = 24
-"""[-] Points along a way."""
+"""[-] Points along a way,"""
+BACK, FORTH = 3, 8
+"""[-] of which so many before, and behind, the last one that was shown are looked for first."""
 NOWHERE = 1e6
 """[m] Where edges lie that are not there."""
 
@@ -118,10 +124,8 @@ def _along(way: Float64) -> tuple[Complex64, Float32]:
 class Land:
     """What is fixed in E episodes, and V vessels' ways through it; arrays change in place."""
 
-    def __init__(
-        self, shape: tuple[int, int], settings: LandSettings, room_m: float = 1.25
-    ) -> None:
-        self.settings, self.shape, self.room_m = settings, shape, room_m
+    def __init__(self, shape: tuple[int, int], settings: LandSettings) -> None:
+        self.settings, self.shape = settings, shape
         episodes = shape[0]
         self.there = np.zeros(episodes, bool)
         """(E,) Whether anything is fixed."""
@@ -140,7 +144,8 @@ class Land:
         self.beyond = np.zeros(shape)
         """(E, V) [m] What is left of the way from there."""
         self._decisions = np.zeros(episodes, np.intp)
-        self._sight = np.full((2, episodes, 0), NOWHERE, np.complex64)
+        self.room_m = np.zeros(shape)
+        """(E, V) [m] The clearance of each vessel's way."""
         self.most = np.zeros(shape, np.intp)
         """(E, V) The goal is shown at most so many points ahead."""
         self.reach = np.full(episodes, CONTOUR_RANGE_M, np.float32)
@@ -163,13 +168,7 @@ class Land:
             count, vessels = len(one.start), len(one.way)
             self.start[slot, :count], self.end[slot, :count] = one.start, one.end
             self.fence[slot, :count] = one.fence
-            edge = one.end - one.start  # longer at both ends, so that a sight passes corners clear
-            room = self.room_m * edge / np.maximum(np.abs(edge), 1e-6)
-            self._sight[0, slot], self._sight[1, slot] = NOWHERE, 0.0
-            self._sight[0, slot, :count], self._sight[1, slot, :count] = (
-                one.start - room,
-                edge + 2.0 * room,
-            )
+            self.room_m[slot, :vessels] = np.minimum(one.harbour.clearance_m, MOST_ROOM_M)
             self.way[slot, :vessels], self.rest[slot, :vessels] = one.way, one.rest
             low, high = s.look_ahead_m
             dice = chance[k, -1, 5:8]
@@ -190,35 +189,46 @@ class Land:
             self.start = np.pad(self.start, pad, constant_values=NOWHERE)
             self.end = np.pad(self.end, pad, constant_values=NOWHERE)
             self.fence = np.pad(self.fence, pad)
-            self._sight = np.pad(self._sight, ((0, 0), *pad), constant_values=NOWHERE)
 
-    def follow(self, slots: Index, position: Points, goal: Points) -> None:
+    def follow(self, slots: Index, position: Points, goal: Points, active: Mask) -> None:
         """Choose the goals that are shown in some slots, from places and goals (E, V).
 
-        That is the farthest point of a vessel's way that is in a straight line from it with no edge
-        between, `room_m` clear of corners, and at most `look_ahead_m` beyond the nearest such
-        point. Where no point is, the last one stays. It is looked for at every other decision.
+        That is the farthest point of a vessel's way to which a straight line keeps nearly the
+        clearance that the way has, at most `look_ahead_m` beyond the nearest such point; where no
+        line does, the nearest point with no edge before it; and where there is none, the last one
+        stays. It is looked for at every other decision, near the last one first.
         """
         self.shown[slots], self.beyond[slots] = goal[slots], 0.0
         slots = slots[self.there[slots]]
+        if not slots.size:
+            return
         looking = slots[self._decisions[slots] % 2 == 0]
+        n, v = np.nonzero(active[looking])
+        e = looking[n]
+        near = self.at[e, v][:, None] + np.arange(-BACK, FORTH + 1)
+        found = self._look(e, v, position[e, v], np.clip(near, 0, WAY_POINTS - 1))
+        found &= self._decisions[e] > 0
+        e, v = e[~found], v[~found]
+        every = np.broadcast_to(np.arange(WAY_POINTS), (len(e), WAY_POINTS))
+        self._look(e, v, position[e, v], every)
         self._decisions[slots] += 1
-        if looking.size:
-            self._look(looking, position[looking])
-        if slots.size:
-            at = self.at[slots][..., None]
-            there = np.take_along_axis(self.way[slots], at, axis=-1)[..., 0]
-            self.shown[slots] = np.where(at[..., 0] == WAY_POINTS - 1, goal[slots], there)
-            self.beyond[slots] = np.take_along_axis(self.rest[slots], at, axis=-1)[..., 0]
+        at = self.at[slots][..., None]
+        there = np.take_along_axis(self.way[slots], at, axis=-1)[..., 0]
+        self.shown[slots] = np.where(at[..., 0] == WAY_POINTS - 1, goal[slots], there)
+        self.beyond[slots] = np.take_along_axis(self.rest[slots], at, axis=-1)[..., 0]
 
-    def _look(self, e: Index, position: Points) -> None:
-        """Find the farthest points in sight of the vessels at places (n, V) [m]."""
-        place = position.astype(np.complex64)[..., None]
-        off = self.way[e] - place
-        clear = np.ones(off.shape, bool)
+    def _look(self, e: Index, v: Index, position: Points, points: Index) -> Mask:
+        """Look for the farthest of some points of their ways, (r, C), for r vessels at places.
+
+        Tells for which of them there was one with room enough.
+        """
+        place = position.astype(np.complex64)[:, None]
+        off = np.take_along_axis(self.way[e, v], points, axis=-1) - place
+        clear = wide = np.ones(off.shape, bool)
         if self.start.shape[1]:
-            start, way = self._sight[0, e][:, None] - place, self._sight[1, e][:, None]
-            start, way = start[..., None, :], way[..., None, :]
+            start, end = self.start[e] - place, self.end[e] - place
+            own_m = np.abs(nearest_point(start, end)).min(axis=-1)
+            start, way = start[:, None], (end - start)[:, None]
             x, y = off.real[..., None], off.imag[..., None]
             # The sight crosses an edge if each has the other's ends on both of its sides.
             turn = x * way.imag - y * way.real
@@ -226,11 +236,20 @@ class Land:
             own = start.real * way.imag - start.imag * way.real
             crossed = ((before > 0) != (before + turn > 0)) & ((own > 0) != (own - turn > 0))
             clear = ~crossed.any(axis=-1)
-        near = np.where(clear, np.abs(off), np.inf).argmin(axis=-1)
-        most = (near + self.most[e])[..., None]
-        points = np.arange(WAY_POINTS)
-        target = np.where(clear & (points <= most), points, -1).max(axis=-1)
-        self.at[e] = np.where(target < 0, self.at[e], target)
+            square = np.maximum(x * x + y * y, 1e-6)
+            along = np.clip((x * start.real + y * start.imag) / square, 0.0, 1.0)
+            aside, beside = start.real - along * x, start.imag - along * y
+            apart = np.sqrt((aside * aside + beside * beside).min(axis=-1))
+            room_m = SIGHT_SHARE * np.minimum(self.room_m[e, v], own_m)
+            wide = clear & (apart >= room_m[:, None])
+        far, rows = np.abs(off), np.arange(len(e))
+        near = points[rows, np.where(wide, far, np.inf).argmin(axis=-1)]
+        ahead = points <= (near + self.most[e, v])[:, None]
+        target = np.where(wide & ahead, points, -1).max(axis=-1, initial=-1)
+        nearest = points[rows, np.where(clear, far, np.inf).argmin(axis=-1)]
+        otherwise = np.where(clear.any(axis=-1), nearest, self.at[e, v])
+        self.at[e, v] = np.where(target < 0, otherwise, target)
+        return np.asarray(target >= 0)
 
     def contours(self, position: Points, heading: Float64, observers: Mask) -> Float32:
         """Give what each observer, (E, V), is shown of the edges, (E, V, SECTORS) [m]."""

@@ -366,7 +366,7 @@ class State:
     def take_aim(self, slots: Index) -> None:
         """Choose the goals that are shown in some slots, from where the vessels are now."""
         if self.land is not None:
-            self.land.follow(slots, self.position, self.goal)
+            self.land.follow(slots, self.position, self.goal, self.active)
 
     @property
     def velocity(self) -> Points:

@@ -6,18 +6,27 @@ Processor time: the search is in one thread, and waits for nothing.
 from __future__ import annotations
 
 import time
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.random import Generator
 
+from twinscrew.hil_sim.bench.harbour_scenes import passage, sights
 from twinscrew.hil_sim.bench.timing import Stopwatch, garbage_at_rest
+from twinscrew.runtime._native import FreeWater
+from twinscrew.runtime.charts.learnt import LearntMap
 from twinscrew.runtime.charts.route import Router, RouteSettings, settings_for
 from twinscrew.runtime.charts.static_map import Area, Disc, Feature, StaticMap
 from twinscrew.runtime.messages.types import Float64
+from twinscrew.runtime.perception.sensor import load_sensor
+from twinscrew.runtime.tracking.lidar import SensorView
+from twinscrew.runtime.tracking.lidar_motion import OutlineView
+from twinscrew.runtime.tracking.tracker import Tracker
 from twinscrew.runtime.vessel_description import load_vessel
 
 HARBOURS = 20
+PASSAGES = 3
 WAYS = 10
 """[-] In each."""
 SIDE_M = 500.0
@@ -30,8 +39,29 @@ VESSELS = ("wam_v", "blueboat")
 
 
 def run() -> dict[str, Any]:
-    """Measure: {"route": {vessel: {"new_map" and "same_map": {"p50_ms", ...}, ...}}}."""
-    return {"route": {vessel: _measured(vessel) for vessel in VESSELS}}
+    """Measure: {"route": {vessel: {"new_map", "same_map", ...}}, "learnt": {"scan": ...}}."""
+    routes = {vessel: _measured(vessel) for vessel in VESSELS}
+    return {"route": routes, "learnt": _learnt()}
+
+
+def _learnt() -> dict[str, Any]:
+    """Measure what learning walls adds to a scan, along quays and past ships."""
+    watch, sensor = Stopwatch(time.thread_time_ns), load_sensor("vrx32")
+    for seed in range(PASSAGES):
+        rng = np.random.default_rng(seed)
+        tracker, learnt = Tracker(view=SensorView.of(sensor)), LearntMap()
+        for sight in sights(sensor, passage(rng), rng):
+            tracker.step(sight.objects, sight.odometry)
+            view = tracker.outline
+            if view is not None:
+                with watch.time("scan"):
+                    learnt.step(sight.odometry, view.outline, partial(_water, view), tracker.stands)
+                    _ = learnt.walls
+    return watch.all_figures()
+
+
+def _water(view: OutlineView) -> FreeWater:
+    return view.water
 
 
 def _measured(vessel: str) -> dict[str, Any]:
@@ -42,7 +72,7 @@ def _measured(vessel: str) -> dict[str, Any]:
         chart = harbour(rng)
         edges, steps = edges + len(chart.edges), np.diff(chart.edges, axis=1)[:, 0]
         walls_m += float(np.hypot(steps[:, 0], steps[:, 1]).sum())
-        ends_N = _water(chart, rng, settings.clearance_m)
+        ends_N = _clear(chart, rng, settings.clearance_m)
         router = Router(settings, chart)
         with garbage_at_rest():
             for start_N, goal_N in ends_N:
@@ -94,7 +124,7 @@ def harbour(rng: Generator) -> StaticMap:
     return StaticMap.of(features)
 
 
-def _water(chart: StaticMap, rng: Generator, clear_m: float) -> Float64:
+def _clear(chart: StaticMap, rng: Generator, clear_m: float) -> Float64:
     """Give starts and goals [m] [N] (W, 2, 2) with room around them."""
     places = rng.uniform(2.0 * MOLE_M, SIDE_M - 2.0 * MOLE_M, (100 * WAYS, 2))
     clear = places[chart.distance_m(places) >= clear_m]

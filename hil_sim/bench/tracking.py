@@ -19,7 +19,15 @@ from twinscrew.hil_sim.bench.quotient import DifferenceQuotient
 from twinscrew.hil_sim.bench.timing import garbage_at_rest
 from twinscrew.hil_sim.bench.tracking_score import Truth, VelocityScore
 from twinscrew.hil_sim.scenario import load_scenario
+from twinscrew.hil_sim.sensors.marine import (
+    AisTransponders,
+    MarineSensors,
+    MarineSettings,
+    RadarUnit,
+)
+from twinscrew.hil_sim.traffic import TrafficEntry
 from twinscrew.hil_sim.world import World, make_world
+from twinscrew.runtime.datum import Datum
 from twinscrew.runtime.geometry import rotation_from_quaternion
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
@@ -34,14 +42,19 @@ from twinscrew.runtime.perception.segmentation import Perception
 from twinscrew.runtime.perception.sensor import load_sensor
 from twinscrew.runtime.policy.load import Policy, load_policy
 from twinscrew.runtime.policy.observation import observe
+from twinscrew.runtime.safety.alarms import Alarms
 from twinscrew.runtime.senses.ais import SOURCE as AIS
+from twinscrew.runtime.senses.ais import AisSettings
 from twinscrew.runtime.senses.radar import SOURCE as RADAR
+from twinscrew.runtime.senses.radar import RadarSettings
+from twinscrew.runtime.senses.table import SensesSettings, make_senses
 from twinscrew.runtime.tracking.detections import Look as DetectionLook
 from twinscrew.runtime.tracking.detections import positions
 from twinscrew.runtime.tracking.lidar import SensorView
 from twinscrew.runtime.tracking.named import Report
 from twinscrew.runtime.tracking.track import Named
 from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
+from twinscrew.runtime.vessel.pipeline import Senses
 
 EPISODES, VESSELS, BUOYS = 12, 5, 4
 SENSOR = "vrx32"
@@ -52,6 +65,10 @@ BORN_S = 1.0
 OWN = 0
 """The vessel that looks."""
 THRUST_N = (-500.0, 1000.0)
+DATUM = Datum(latitude_deg=-33.7221, longitude_deg=150.6739)
+"""Where the simulated ships lie on the earth."""
+FAR_MATCH_M = 40.0
+"""[m] A track of AIS or radar farther than this from every ship is of none."""
 TARGETS = (5, 20, 100)
 """[-] Targets with which the time of a step is measured."""
 
@@ -83,6 +100,13 @@ def run() -> dict[str, Any]:
             "kalman": kalman.figures(),
             "difference_quotient": quotient.figures(),
             "identities_per_object": (seen + switches) / max(1, seen),
+            "nees": {
+                "lidar": {
+                    "mean": kalman.figures()["nees_mean"],
+                    "in_95_band": kalman.figures()["nees_in_95_band"],
+                },
+                **{name: nees_of(name) for name in ("ais", "radar")},
+            },
             "targets": {str(count): steps_of(count) for count in TARGETS},
             "step_p50_ms": float(np.percentile(step_ms, 50)),
             "step_p99_ms": float(np.percentile(step_ms, 99)),
@@ -158,6 +182,74 @@ def looks(seed: int, sensor: str = SENSOR, perception: Perception | None = None)
         if scan % scans_a_decision == 0:
             thrust = np.array([_decide(world, v, policies[v], thrust[v]) for v in range(VESSELS)])
         world.advance(SCAN_S, thrust)
+
+
+def nees_of(source: str, seeds: int = 3) -> dict[str, float]:
+    """Give the NEES (4 states) of ships that AIS or the radar alone shows: mean, share in its band.
+
+    The simulator's transponders and radar, read as on the boat; ships at 2 to 5 m/s, some of which
+    alter course, from 20 s after the start.
+    """
+    score = VelocityScore()
+    for seed in range(seeds):
+        _score_source(source, seed, score)
+    figures = score.figures()
+    return {
+        "mean": figures["nees_mean"],
+        "in_95_band": figures["nees_in_95_band"],
+        "reports": float(len(score.nees)),
+    }
+
+
+def _score_source(source: str, seed: int, score: VelocityScore, seconds: float = 90.0) -> None:
+    rng = np.random.default_rng(seed)
+    ships = tuple(
+        TrafficEntry(
+            start_m=tuple(rng.uniform(-300.0, 300.0, 2) + np.sign(rng.normal(size=2)) * 100.0),
+            course_deg=float(rng.uniform(0.0, 360.0)),
+            speed_mps=float(rng.uniform(2.0, 5.0)),
+            length_m=float(length),
+            beam_m=0.3 * float(length),
+            behaviour="manoeuvre" if length < 12.0 else "hold",
+            after_s=40.0,
+            turn_deg=30.0,
+        )
+        for length in rng.uniform(8.0, 20.0, 5)
+    )
+    scenario = replace(load_scenario("crossing"), sea="paper", traffic=ships)
+    world = make_world(scenario, seed=seed)
+    for vessel in range(scenario.vessels):
+        world.moor(vessel, scenario.starts[vessel, :2])
+    world.release(1)  # traffic gets under way
+    world.moor(1, scenario.starts[1, :2])
+    if source == "ais":
+        fitted, receivers = SensesSettings(ais=AisSettings(datum=DATUM)), AisTransponders()
+        sensors = MarineSensors(world, MarineSettings(ais=receivers), DATUM)
+    else:
+        fitted = SensesSettings(radar=RadarSettings())
+        sensors = MarineSensors(world, MarineSettings(radar=RadarUnit()), DATUM)
+    tracker = Tracker(TrackerSettings(sources={source: {"ais": AIS, "radar": RADAR}[source]}))
+    senses = Senses(make_senses(fitted), tracker, Alarms())
+
+    def own_at(_stamp_ns: int) -> Odometry:
+        return world.odometry(OWN)
+
+    for _ in range(round(seconds / 0.5)):
+        world.advance(0.5, np.zeros((scenario.vessels, 2)))
+        for sensed in sensors.take():
+            if sensed.vessel == OWN:
+                senses.take(sensed.topic, sensed.payload, world.stamp_ns, own_at)
+        senses.listen(world.stamp_ns)
+        if world.time_s < 20.0 or world.traffic is None:
+            continue
+        own_N = world.odometry(OWN).position_N[:2]
+        shown = tracker.seen_by_others(world.stamp_ns, own_N)
+        ships_N = world.traffic.position_N, world.traffic.velocity_N
+        truth = Truth(*ships_N, np.ones(len(ships)), FAR_MATCH_M)
+        for k in range(len(shown.id)):
+            row = truth.nearest(shown.p_N[k])
+            if row is not None:
+                score.add_nees(truth, row, shown.p_N[k], shown.v_N[k], shown.covariance[k])
 
 
 def steps_of(count: int, scans: int = 300) -> dict[str, float]:

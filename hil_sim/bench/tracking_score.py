@@ -27,12 +27,14 @@ class Truth:
     """(K, 2) [m/s]"""
     is_vessel: Float64
     """(K,) 1 for vessels, 0 for buoys."""
+    match_m: float = MATCH_M
+    """[m] How near an estimate of something is to it."""
 
     def nearest(self, p_N: Float64) -> int | None:
         """Give the row of what is nearest to a place, (2,) [m]; none if nothing is near."""
         apart = np.hypot(*(self.p_N - p_N).T)
         row = int(apart.argmin())
-        return row if apart[row] <= MATCH_M else None
+        return row if apart[row] <= self.match_m else None
 
 
 @dataclass(slots=True)

@@ -59,13 +59,14 @@ def import_(
     except OSError as error:
         raise ConfigError(error.strerror or str(error), file=error.filename or out) from error
     kinds = Counter(feature.kind for feature in imported.chart.features)
+    ignored = {**imported.skipped, **imported.chart.ignored}
     middle = imported.datum
     report = {
         "features": dict(sorted(kinds.items())),
         "places": imported.places,
         "places_before": imported.places_before,
         "repaired": imported.chart.repaired,
-        "ignored": {**imported.skipped, **imported.chart.ignored},
+        "ignored": ignored,
         "middle": {"latitude_deg": middle.latitude_deg, "longitude_deg": middle.longitude_deg},
         "out": str(out),
     }
@@ -77,6 +78,6 @@ def import_(
     console.print(f"{out}: {words}; {imported.places} places of {imported.places_before}")
     if imported.chart.repaired:
         console.print(f"repaired: {imported.chart.repaired} outlines that crossed themselves")
-    if report["ignored"]:
-        console.print(f"left out, they forbid nothing: {', '.join(sorted(report['ignored']))}")
+    if ignored:
+        console.print(f"left out, they forbid nothing: {', '.join(sorted(ignored))}")
     console.print(f"its middle: {middle.latitude_deg:.6f} N, {middle.longitude_deg:.6f} E")

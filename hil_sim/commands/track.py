@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import time
@@ -9,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -55,6 +57,13 @@ def track_command(
         list[str] | None,
         typer.Option(help="Other trackers to score in the same run: nearest, stonesoup."),
     ] = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="KEY=VALUE,VALUE,... of the settings: score each recording with those values (of "
+            "all combinations) that are best on the others.",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object.")] = False,
 ) -> None:
     """Track recorded detections, and score the tracks where the truth is known."""
@@ -69,6 +78,11 @@ def track_command(
             raise ConfigError(one_of(name, list(TRACKERS)), key="--compare")
     chosen = [name.strip() for name in sensors.split(",") if name.strip()]
     loaded = autoferry_settings(settings)
+    if vary:
+        if not truth or len(files) < 2:
+            raise ConfigError("needs two recordings or more, and --truth of each", key="--vary")
+        _leave_one_out(files, truth, chosen, settings, [_varied(text) for text in vary])
+        return
     names = ["twinscrew", *(compare or ())]
     rows: dict[str, dict[str, dict[str, Any]]] = {}
     for number, file in enumerate(files):
@@ -89,6 +103,50 @@ def track_command(
         )
         return
     _print(rows)
+
+
+def _varied(text: str) -> list[tuple[str, Any]]:
+    """Give the key with each of its values."""
+    key, equals, values = text.partition("=")
+    if not equals or not values:
+        raise ConfigError(f"{text!r} is not KEY=VALUE,VALUE,...", key="--vary")
+    try:
+        return [(key.strip(), value) for value in json.loads(f"[{values}]")]
+    except ValueError as error:
+        raise ConfigError(f"{values!r} are no values: {error}", key="--vary") from error
+
+
+def _leave_one_out(
+    files: Sequence[Path],
+    truth: Sequence[Path],
+    sensors: Sequence[str],
+    settings: str,
+    varied: Sequence[Sequence[tuple[str, Any]]],
+) -> None:
+    """Print each recording's scores with the values that are best on all others."""
+    ways = [dict(way) for way in itertools.product(*varied)]
+    loaded = [autoferry_settings(settings, way) for way in ways]
+    scores: list[list[dict[str, Any]]] = []
+    for file, truth_file in zip(files, truth, strict=True):
+        records, true = read_records(file), read_truth(truth_file)
+        scores.append(
+            [scored(records, sensors, list(track(records, sensors, s)), true) for s in loaded]
+        )
+    squared = np.array([[way["gospa_rms_m"] ** 2 for way in row] for row in scores])
+    table = Table("recording", "GOSPA [m]", "switches", "best of all [m]", "best on the others")
+    left_out = []
+    for k, file in enumerate(files):
+        best = int(np.delete(squared, k, axis=0).mean(axis=0).argmin())
+        left_out.append(squared[k, best])
+        words = ", ".join(f"{key} = {json.dumps(value)}" for key, value in ways[best].items())
+        figures = scores[k][best]
+        least = math.sqrt(squared[k].min())
+        switches = str(figures["identity_switches"])
+        table.add_row(
+            _title(file), f"{figures['gospa_rms_m']:.2f}", switches, f"{least:.2f}", words
+        )
+    table.add_row("all", f"{math.sqrt(np.mean(left_out)):.2f}")
+    Console().print(table)
 
 
 def timed(frames: Iterator[Frame]) -> tuple[list[Frame], float]:
@@ -112,6 +170,8 @@ def scored(
     for frame, targets in zip(frames, used, strict=True):
         if frame.sensor in POSITIONS:
             score.add(frame.time_s, targets, {t.id: t.x[:2] for t in frame.tracks})
+        stated = [(t.x[:2], t.P[:2, :2]) for t in frame.tracks]
+        score.add_nees(frame.sensor, list(targets.values()), stated)
     return score.figures()
 
 
@@ -160,6 +220,15 @@ def _print(rows: dict[str, dict[str, dict[str, Any]]]) -> None:
             rms = math.sqrt(sum(e * e for e in errors) / len(errors))
             table.add_row("all", name, f"{rms:.2f}")
     Console().print(table)
+    for recording, trackers in rows.items():
+        for name, figures in trackers.items():
+            if figures.get("nees"):
+                words = ", ".join(_within(*item) for item in figures["nees"].items())
+                print(f"NEES below its 95 % point, {recording}, {name}: {words}")
+
+
+def _within(sensor: str, nees: dict[str, float]) -> str:
+    return f"{sensor} {100.0 * nees['in_95_band']:.0f} % (mean {nees['mean']:.1f} of 2)"
 
 
 def _cell(value: Any) -> str:

@@ -9,7 +9,7 @@ cameras bearings [rad] clockwise from north.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ import numpy as np
 
 from twinscrew.runtime.errors import ConfigError, one_of
 from twinscrew.runtime.messages.types import NANOSECONDS_PER_SECOND, Float64
-from twinscrew.runtime.settings import Settings, load, shipped
+from twinscrew.runtime.settings import Settings, convert, read_toml, shipped
 from twinscrew.runtime.tracking.detections import Look, bearings, positions
 from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
 
@@ -105,9 +105,21 @@ def read_truth(path: Path) -> list[dict[int, Float64]]:
     return truth
 
 
-def autoferry_settings(name: str | Path = "autoferry") -> RecordingSettings:
-    """Load the settings for the benchmark's ferry."""
-    return load(shipped("tracking", name), RecordingSettings)
+def autoferry_settings(
+    name: str | Path = "autoferry", changes: Mapping[str, Any] | None = None
+) -> RecordingSettings:
+    """Load the settings for the benchmark's ferry, with other values for some keys (a.b.c)."""
+    file = shipped("tracking", name)
+    values = read_toml(file)
+    for key, value in (changes or {}).items():
+        *tables, last = key.split(".")
+        table = values
+        for step in tables:
+            table = table.setdefault(step, {})
+            if not isinstance(table, dict):
+                raise ConfigError(f"{step} is no table", key=key, file=file)
+        table[last] = value
+    return convert(values, RecordingSettings, file=file)
 
 
 def track(

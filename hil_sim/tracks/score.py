@@ -7,6 +7,7 @@ metric, Proc. FUSION 2017, with alpha = 2.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,6 +18,8 @@ from twinscrew.runtime.messages.types import Float64
 
 CUTOFF_M = 20.0
 """[m] c: a track farther from a target than this does not follow it."""
+NEES_95 = 5.991
+"""[-] 95 % point of chi-squared with 2 degrees of freedom: a position's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +61,7 @@ class TrackScore:
     squared_m2: list[float] = field(default_factory=list)
     parts_m2: list[tuple[float, float, float]] = field(default_factory=list)
     switches: int = 0
-    nees: list[float] = field(default_factory=list)
+    nees: dict[str, list[float]] = field(default_factory=dict)
     _identity: dict[int, int] = field(default_factory=dict)
     _first_s: dict[int, float] = field(default_factory=dict)
     _known: set[int] = field(default_factory=set)
@@ -84,6 +87,23 @@ class TrackScore:
             self.switches += self._identity.get(target, identity) != identity
             self._identity[target] = identity
 
+    def add_nees(
+        self, sensor: str, truth: Sequence[Float64], tracks: Sequence[tuple[Float64, Float64]]
+    ) -> None:
+        """Add how far tracks, each (2,) [m] and (2, 2) [m2], are off, by their own covariances.
+
+        The normalised estimation error squared of each pair counts for the sensor whose record the
+        tracks have just taken in. A tracker that states no covariance is left out.
+        """
+        if not truth or not tracks or not tracks[0][1].any():
+            return
+        found = gospa(np.array(truth), np.array([place for place, _ in tracks]))
+        errors = self.nees.setdefault(sensor, [])
+        for row, column in found.pairs:
+            place, covariance = tracks[column]
+            error = place - truth[row]
+            errors.append(float(error @ np.linalg.solve(covariance, error)))
+
     def figures(self) -> dict[str, Any]:
         """Give the figures of the frames."""
         parts = np.mean(self.parts_m2, axis=0) if self.parts_m2 else np.full(3, np.nan)
@@ -100,4 +120,12 @@ class TrackScore:
                 str(target): self._first_s.get(target) for target in sorted(self._targets)
             },
             "false_tracks_per_minute": len(self._known - self._followed) / minutes,
+            "nees": {
+                sensor: {
+                    "mean": float(np.mean(errors)),
+                    "in_95_band": float(np.mean(np.array(errors) <= NEES_95)),
+                }
+                for sensor, errors in self.nees.items()
+                if errors
+            },
         }

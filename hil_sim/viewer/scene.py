@@ -11,23 +11,42 @@ from contextlib import suppress
 from pathlib import Path
 
 import msgspec
+import numpy as np
 
 from twinscrew.hil_sim.scenario import Scenario
 from twinscrew.hil_sim.sea.sea import SeaSettings
 from twinscrew.hil_sim.supervisor import Result
 from twinscrew.hil_sim.world import World
+from twinscrew.runtime.charts.static_map import Outline
 from twinscrew.runtime.errors import NOT_THE_FORMAT, RecordingError
+from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import load, shipped
 
 SCENE_FILE = "scene.json"
 OUTCOMES_FILE = "outcomes.jsonl"
 SUMMARY_FILE = "summary.json"
+FLOW_ARROWS = 9
+"""[-] Arrows of the current along the longer side of the map."""
 AFTERWARDS_S = 0.5
 """[s] Between two places of a vessel that has ended and is held."""
 
 
+class Region(msgspec.Struct, frozen=True, kw_only=True):
+    """An area as it is drawn."""
+
+    kind: str
+    """land, keep_out, depth, hazard or fence."""
+    ring: tuple[tuple[float, float], ...]
+    """[m] North, east of its corners."""
+    holes: tuple[tuple[tuple[float, float], ...], ...] = ()
+    """[m] North, east."""
+    keep_in: bool = False
+    """True for a fence that nobody may leave."""
+    name: str = ""
+
+
 class Scene(msgspec.Struct, frozen=True, kw_only=True):
-    """Buoys, quays, goals, wind: what a scenario says and no topic tells. Frame N."""
+    """What a scenario says and no topic tells: what is fixed, goals, wind, current. Frame N."""
 
     name: str = ""
     map_size_m: tuple[float, float] | None = None
@@ -37,6 +56,13 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     """[m] North, east, radius."""
     quays: tuple[tuple[float, float, float, float, float, float], ...] = ()
     """[m, rad] North, east of the centre; length, width, height; heading."""
+    piles: tuple[tuple[float, float, float], ...] = ()
+    """[m] North, east, radius."""
+    regions: tuple[Region, ...] = ()
+    """Land, keep-out areas, shallows, hazards, fences."""
+    flow: tuple[tuple[float, float, float, float], ...] = ()
+    """[m, m/s] North, east; the current there when the run begins, north and east, where it is not
+    the same everywhere."""
     names: tuple[str, ...] = ()
     """The vessels."""
     goals: tuple[tuple[float, float], ...] = ()
@@ -45,6 +71,21 @@ class Scene(msgspec.Struct, frozen=True, kw_only=True):
     """[m/s, deg] Mean speed, and where it blows from; None if not known."""
     current: tuple[float, float] | None = None
     """[m/s] North, east velocity of the water; None if not known."""
+
+
+def region_of(outline: Outline) -> Region:
+    """Give an outline of a chart as the page draws it."""
+    return Region(
+        kind=outline.kind,
+        ring=_places(outline.ring),
+        holes=tuple(map(_places, outline.holes)),
+        keep_in=outline.keep_in,
+        name=outline.name,
+    )
+
+
+def _places(ring: Float64) -> tuple[tuple[float, float], ...]:
+    return tuple((north, east) for north, east in np.round(ring, 2).tolist())
 
 
 def scene_of(scenario: Scenario) -> Scene:
@@ -57,6 +98,9 @@ def scene_of(scenario: Scenario) -> Scene:
             "goal_radius_m": scenario.goal_radius,
             "buoys": scenario.buoys.tolist(),
             "quays": scenario.quays.tolist(),
+            "piles": scenario.piles[:, :3].tolist(),
+            "regions": [*map(region_of, scenario.outlines)],
+            "flow": scenario.flow(FLOW_ARROWS).tolist(),
             "names": scenario.names,
             "goals": scenario.goals.tolist(),
             "wind": (sea.wind.mean_mps, sea.wind.from_deg),

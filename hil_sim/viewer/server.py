@@ -80,6 +80,7 @@ def greeting(source: Source, again: str = "") -> dict[str, Any]:
         "begin_s": round(source.begin_s, 3),
         "scene": plain(source.scene),
         "trails": source.trails(),
+        "charts": plain(source.charts()),
         "series": {"columns": SERIES, "rows": source.series()},
         "events": plain(source.events()),
         "result": plain(source.result),

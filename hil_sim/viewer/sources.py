@@ -16,6 +16,7 @@ from msgspec import structs
 
 from twinscrew.hil_sim.viewer.scene import (
     Ended,
+    Region,
     RunResult,
     Scene,
     VesselResult,
@@ -76,6 +77,9 @@ class Source(Protocol):
     def trails(self) -> Mapping[str, Places]:
         """Give where the vessels have been (a recording: all of it)."""
 
+    def charts(self) -> Mapping[str, Sequence[Region]]:
+        """Give what the vessels know of what is fixed (a recording: at its end)."""
+
     def series(self) -> Mapping[str, Sequence[Row]]:
         """Give the vessels' figures over time (a recording: all of them)."""
 
@@ -84,7 +88,7 @@ class Source(Protocol):
 
     @property
     def revision(self) -> int:
-        """[-] Grows when trails change other than by getting longer: pages are told them anew."""
+        """[-] Grows when charts change, or trails other than by getting longer: pages are told."""
 
     def order(self, order: Order) -> str:
         """Give a vessel a goal, or stop it; say in words what was done, or why not."""
@@ -185,6 +189,10 @@ class LiveSource:
         """See `Source`."""
         return {vessel.name: vessel.trail.places for vessel in self._vessels}
 
+    def charts(self) -> Mapping[str, Sequence[Region]]:
+        """See `Source`."""
+        return {vessel.name: vessel.chart for vessel in self._vessels}
+
     def series(self) -> Mapping[str, Sequence[Row]]:
         """See `Source`."""
         return {vessel.name: vessel.series.rows for vessel in self._vessels}
@@ -195,8 +203,8 @@ class LiveSource:
 
     @property
     def revision(self) -> int:
-        """See `Source`: who came late learns of the way before."""
-        return sum(vessel.trail.is_preceded for vessel in self._vessels)
+        """See `Source`: who came late learns of the way before; charts may change."""
+        return sum(vessel.trail.is_preceded + vessel.charts for vessel in self._vessels)
 
     def order(self, order: Order) -> str:
         """See `Source`; a goal is what the topic `goal` is, stopping is an empty `route`."""
@@ -299,6 +307,10 @@ class RecordedSource:
     def trails(self) -> Mapping[str, Places]:
         """See `Source`."""
         return {vessel.name: vessel.trail.places for vessel in self._vessels}
+
+    def charts(self) -> Mapping[str, Sequence[Region]]:
+        """See `Source`."""
+        return {vessel.name: vessel.chart for vessel in self._vessels}
 
     def series(self) -> Mapping[str, Sequence[Row]]:
         """See `Source`."""

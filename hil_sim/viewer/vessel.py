@@ -10,7 +10,7 @@ import numpy as np
 from msgspec import structs
 from numpy.typing import NDArray
 
-from twinscrew.hil_sim.viewer.scene import Ended, VesselResult
+from twinscrew.hil_sim.viewer.scene import Ended, Region, VesselResult, region_of
 from twinscrew.hil_sim.viewer.wire import (
     POINT_BYTES,
     EventView,
@@ -20,6 +20,7 @@ from twinscrew.hil_sim.viewer.wire import (
     VesselView,
     encode_part,
 )
+from twinscrew.runtime.charts.chart import as_map
 from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.geometry import rotation_2d, rotation_from_quaternion
 from twinscrew.runtime.messages import cdr
@@ -63,10 +64,16 @@ SHOWN: Final = (
     "thrust_right",
     "diagnostics",
     "path",
+    "chart",
+    "planned_route",
 )
 """The topics that are looked at: decisions hold objects and tracks, bit for bit."""
 FRESH_S = 1.0
 """[s] Older decisions, scans and thrusts are not shown: they tell of another moment."""
+ROUTE_S = 3.0
+"""[s] Older routes are not shown; one is told every second."""
+MOST_WAYPOINTS = 100
+"""[-] Of a route that is shown."""
 NEW_EVENTS = 8
 """[-] How many of the newest health events go with each frame."""
 MOST_EVENTS = 500
@@ -195,6 +202,11 @@ class Vessel:
         self._sent_s: dict[int, float] = {}
         self._latency_ms: float | None = None
         self._decisions = 0
+        self.chart: tuple[Region, ...] = ()
+        """What it knows of what is fixed, as it is drawn."""
+        self._route = np.empty((0, 2))
+        self.charts = 0
+        """[-] How many charts it has had."""
         self._ended: Sequence[Ended] = ()
         self._result: VesselResult | None = None
 
@@ -295,6 +307,12 @@ class Vessel:
                 self._goal = cdr.decode_goal(payload).position_N
             case "thrust_left" | "thrust_right":
                 self._thrust_N[int(topic == "thrust_right")] = cdr.decode_thrust(payload)
+            case "chart":
+                known = as_map(cdr.decode_chart(payload))
+                self.chart = tuple(map(region_of, known.polygons))
+                self.charts += 1
+            case "planned_route":
+                self._route = cdr.decode_path(payload)[1][:MOST_WAYPOINTS, :2]
             case "path":
                 self.trail.precede(cdr.decode_path(payload)[1])
             case "diagnostics":
@@ -341,6 +359,9 @@ class Vessel:
 
     def _is_fresh(self, topic: str, now_s: float) -> bool:
         return now_s - self._heard_s.get(topic, -np.inf) <= FRESH_S
+
+    def _is_fresh_route(self, now_s: float) -> bool:
+        return now_s - self._heard_s.get("planned_route", -np.inf) <= ROUTE_S
 
     def _points(self) -> bytes:
         if self._cloud is None or self._odometry is None:
@@ -422,6 +443,7 @@ class Vessel:
             velocity=pair(velocity_N),
             silent_s=round(now_s - self._heard_s["odometry"], 2),
             goal=None if self._goal is None else pair(self._goal),
+            route=tuple(map(pair, self._route)) if self._is_fresh_route(now_s) else (),
             decisions=self._decisions,
         )
         over = self._outcome(now_s)

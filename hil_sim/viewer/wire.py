@@ -78,6 +78,8 @@ class VesselView(msgspec.Struct, frozen=True, kw_only=True):
     """[N] Left, right."""
     goal: tuple[float, float] | None = None
     """[m] North, east."""
+    route: tuple[tuple[float, float], ...] = ()
+    """[m] North, east of the places on its way to the goal, around what is fixed."""
     arrived: bool = False
     ended: OutcomeView | None = None
     """Its run is over: its sensors are switched off, and that is no alarm."""

@@ -35,6 +35,7 @@ SUMMARIES = {
     "sitl": "Sail simulated vessels with the real runtime, sensors to thrust.",
     "faults": "Make faults on purpose, and hold the boat to what was promised.",
     "soak": "Sail for long with faults at random, and look for what grows or breaks.",
+    "chart": "Make a boat's chart of GeoJSON, shapefiles and S-57 cells.",
     "view": "Show boats in a browser on this machine: under way, or from a recording.",
     "run": "Run one vessel's runtime: what is deployed on the boat.",
     "trial": "Sail scripted manoeuvres on the boat, to identify its vessel from.",

@@ -92,6 +92,27 @@ def hold(
 
 
 @app.command()
+def berth(
+    from_north: Annotated[float, typer.Option(help="[m] One end of the face: north.")],
+    from_east: Annotated[float, typer.Option(help="[m] East.")],
+    to_north: Annotated[float, typer.Option(help="[m] The end to which the bow points: north.")],
+    to_east: Annotated[float, typer.Option(help="[m] East.")],
+    config: Config = None,
+) -> None:
+    """Send a face to lie at (a nav_msgs/Path of two places); the side is the boat's present one."""
+    import numpy as np
+
+    from twinscrew.runtime.errors import ConfigError
+    from twinscrew.runtime.messages import cdr
+
+    face = np.array([[from_north, from_east], [to_north, to_east]])
+    if not (np.abs(face) < 1e8).all() or (face[0] == face[1]).all():
+        raise ConfigError(f"{face.tolist()} is no face on the water", key="berth")
+    with _bus(config, "berth") as bus:
+        bus.publish("berth", cdr.encode_path(face, stamp_ns=0, frame_id=""))
+
+
+@app.command()
 def stop(config: Config = None) -> None:
     """Take all goals back (an empty nav_msgs/Path): the boat stops."""
     import numpy as np

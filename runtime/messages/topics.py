@@ -258,6 +258,7 @@ _TABLE: Final = (
     Topic("goal", "goal", GOAL_TYPE, IN, COMMAND, taken="always", largest_b=SMALL_B, core=True),
     Topic("route", "route", PATH_TYPE, IN, COMMAND, taken="always", largest_b=ROUTE_B, core=True),
     Topic("hold", "hold", GOAL_TYPE, IN, COMMAND, taken="always", largest_b=SMALL_B, core=True),
+    Topic("berth", "berth", PATH_TYPE, IN, COMMAND, taken="always", largest_b=SMALL_B, core=True),
     Topic("enable", "enable", ENABLE_TYPE, IN, COMMAND, depth=64, largest_b=SMALL_B),
     Topic("engagement", "engagement", ENGAGEMENT_TYPE, OUT, STATUS,
           depth=8, largest_b=SMALL_B, core=True),

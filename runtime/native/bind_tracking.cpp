@@ -36,7 +36,8 @@ Given<double> invert_stack(In<-1, -1, -1> matrices) {
   });
 }
 
-bool any_crowded(In<-1, 2> places, In<-1, 2> centres, In<-1> radii) {
+std::vector<std::vector<std::int64_t>> crowded_circles(In<-1, 2> places, In<-1, 2> centres,
+                                                       In<-1> radii) {
   require(centres.shape(0) == radii.size(), "crowded: a radius for each centre");
   return crowded({places.data(), places.size()}, {centres.data(), centres.size()},
                  {radii.data(), radii.size()});
@@ -214,8 +215,8 @@ void bind_tracking(nb::module_& m) {
       .def("bias_variance", &bias_variance, "places"_a, "radius"_a, "north"_a, "east"_a);
   m.def("invert_stack", &invert_stack, "matrices"_a,
         "Invert symmetric positive definite matrices, (K, n, n), n at most 8.");
-  m.def("crowded", &any_crowded, "places"_a, "centres"_a, "radii"_a,
-        "Whether two of the places lie within one of the circles.");
+  m.def("crowded", &crowded_circles, "places"_a, "centres"_a, "radii"_a,
+        "Which of the places lie within each of the circles that hold two or more.");
   m.def("innovations", &innovations, "x"_a, "P"_a, "z"_a, "H"_a, "R"_a, "gate"_a, "most"_a,
         "How far each measurement is from what each track expects.");
 }

@@ -9,6 +9,7 @@
 #include <limits>
 #include <numbers>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace twinscrew {
@@ -117,6 +118,133 @@ inline void association_marginals(std::span<const double> weights, std::size_t t
   for (const Pair& p : pairs) of_track[p.track] += p.weight * p.to_track;
   for (const Pair& p : pairs) {
     out[detections * p.track + p.detection] = p.weight * p.to_track / of_track[p.track];
+  }
+}
+
+// One track's Gaussian, x (6,) and P (6, 6) row by row.
+struct Gaussian {
+  std::array<double, STATE> x{};
+  std::array<double, STATE * STATE> P{};
+};
+
+// The Kalman update of a track by detection m, with the covariance in Joseph's form:
+// Bar-Shalom, Li, Kirubarajan (2001), Estimation with Applications to Tracking and Navigation,
+// eqs. 5.2.3-12 and 5.2.3-18.
+template <std::size_t D>
+Gaussian updated(const double* x, const double* P, const MeasurementRows& look, std::size_t m) {
+  const double *z = &look.z[D * m], *H = &look.H[D * STATE * m];
+  const double north = x[0] - look.origin[0], east = x[1] - look.origin[1];
+  std::array<double, D * D> R{}, S{};
+  std::array<double, STATE * D> PHT{}, K{};
+  std::array<double, D> y{};
+  for (std::size_t a = 0; a < D; ++a) {
+    y[a] = z[a];
+    for (std::size_t i = 0; i < STATE; ++i) {
+      y[a] -= H[STATE * a + i] * x[i];
+      for (std::size_t j = 0; j < STATE; ++j) {
+        PHT[D * i + a] += P[STATE * i + j] * H[STATE * a + j];
+      }
+    }
+    for (std::size_t b = 0; b < D; ++b) R[D * a + b] = look.R[D * D * m + D * a + b];
+    R[D * a + a] += look.R_rad2[m] * (north * north + east * east);
+  }
+  for (std::size_t a = 0; a < D; ++a) {
+    for (std::size_t b = 0; b < D; ++b) {
+      S[D * a + b] = R[D * a + b];
+      for (std::size_t i = 0; i < STATE; ++i) S[D * a + b] += H[STATE * a + i] * PHT[D * i + b];
+    }
+  }
+  std::array<double, D * D> SI{};
+  if constexpr (D == 1) {
+    SI[0] = 1.0 / S[0];
+  } else {
+    const double det = S[0] * S[3] - S[1] * S[2];
+    SI = {S[3] / det, -S[1] / det, -S[2] / det, S[0] / det};
+  }
+  Gaussian out;
+  std::array<double, STATE * STATE> A{}, AP{};  // A = I - K H
+  for (std::size_t i = 0; i < STATE; ++i) {
+    out.x[i] = x[i];
+    for (std::size_t a = 0; a < D; ++a) {
+      for (std::size_t b = 0; b < D; ++b) K[D * i + a] += PHT[D * i + b] * SI[D * b + a];
+      out.x[i] += K[D * i + a] * y[a];
+    }
+    for (std::size_t j = 0; j < STATE; ++j) {
+      A[STATE * i + j] = i == j ? 1.0 : 0.0;
+      for (std::size_t a = 0; a < D; ++a) A[STATE * i + j] -= K[D * i + a] * H[STATE * a + j];
+    }
+  }
+  for (std::size_t i = 0; i < STATE; ++i) {
+    for (std::size_t k = 0; k < STATE; ++k) {
+      for (std::size_t j = 0; j < STATE; ++j) AP[STATE * i + j] += A[STATE * i + k] * P[STATE * k + j];
+    }
+  }
+  for (std::size_t i = 0; i < STATE; ++i) {
+    for (std::size_t j = 0; j <= i; ++j) {
+      double sum = 0.0;
+      for (std::size_t k = 0; k < STATE; ++k) sum += AP[STATE * i + k] * A[STATE * j + k];
+      for (std::size_t a = 0; a < D; ++a) {
+        for (std::size_t b = 0; b < D; ++b) sum += K[D * i + a] * R[D * a + b] * K[D * j + b];
+      }
+      out.P[STATE * i + j] = out.P[STATE * j + i] = sum;
+    }
+  }
+  return out;
+}
+
+// Mean and covariance of a track's mixture: of its updates by the detections with the
+// probabilities `shares`, (M,), and of itself with what is missing from 1.
+// Bar-Shalom et al. (2001), eqs. 1.4.16-7 and 1.4.16-9. `updates` is kept memory.
+template <std::size_t D>
+Gaussian mixture(const double* x, const double* P, const MeasurementRows& look,
+                 std::span<const double> shares,
+                 std::vector<std::pair<double, Gaussian>>& updates) {
+  updates.clear();
+  double rest = 1.0;
+  for (std::size_t m = 0; m < shares.size(); ++m) {
+    if (shares[m] <= 0.0) continue;
+    rest -= shares[m];
+    updates.emplace_back(shares[m], updated<D>(x, P, look, m));
+  }
+  Gaussian out;
+  rest = std::max(rest, 0.0);
+  for (std::size_t i = 0; i < STATE; ++i) {
+    out.x[i] = rest * x[i];
+    for (const auto& [share, update] : updates) out.x[i] += share * update.x[i];
+  }
+  const auto add = [&out](double share, const double* x_part, const double* P_part) {
+    for (std::size_t i = 0; i < STATE; ++i) {
+      for (std::size_t j = 0; j < STATE; ++j) {
+        const double spread = (x_part[i] - out.x[i]) * (x_part[j] - out.x[j]);
+        out.P[STATE * i + j] += share * (P_part[STATE * i + j] + spread);
+      }
+    }
+  };
+  add(rest, x, P);
+  for (const auto& [share, update] : updates) add(share, update.x.data(), update.P.data());
+  return out;
+}
+
+// Which targets, at offsets (K, 2) from the sensor, lie behind one that hides others? Behind is 3 m
+// farther away, and within `width` beside the line of sight at the distance of what hides.
+inline void shadowed(std::span<const double> offsets, std::span<const bool> hides, double width,
+                     std::span<bool> out) {
+  const std::size_t size = hides.size();
+  std::vector<double> distance(size);
+  for (std::size_t k = 0; k < size; ++k) {
+    distance[k] = std::hypot(offsets[2 * k], offsets[2 * k + 1]);
+  }
+  constexpr double LEAST = 1e-6, FARTHER = 3.0;
+  for (std::size_t k = 0; k < size; ++k) {
+    out[k] = false;
+    for (std::size_t n = 0; n < size && !out[k]; ++n) {
+      if (!hides[n] || !(distance[k] > distance[n] + FARTHER)) continue;
+      const double scale = std::max(distance[n], LEAST);
+      const double u = offsets[2 * n] / scale, v = offsets[2 * n + 1] / scale;
+      const double along = offsets[2 * k] * u + offsets[2 * k + 1] * v;
+      const double across = std::abs(offsets[2 * k + 1] * u - offsets[2 * k] * v);
+      out[k] = along > 0.0 && across * distance[n] / std::max(distance[k], LEAST) < width;
+    }
   }
 }
 

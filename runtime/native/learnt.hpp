@@ -49,7 +49,7 @@ class LearntMap {
   void reset() {
     std::fill(cells_.begin(), cells_.end(), Cell{});
     std::fill(free_.begin(), free_.end(), static_cast<float>(NEVER));
-    begin_ = NEVER;
+    begin_ = swept_ = NEVER;
     if (!walls_.empty()) ++version_;
     walls_.clear();
     knows_place_ = false;
@@ -67,7 +67,7 @@ class LearntMap {
                            scan.stands[static_cast<std::size_t>(number)] != 0;
       if (is_wall && !std::isnan(scan.heights[i])) hit(in_N(end), scan.heights[i]);
     }
-    sweep(scan);
+    if (std::isnan(swept_) || now_ - swept_ >= SWEEP || now_ < swept_) swept_ = now_, sweep(scan);
     if (scan.water != nullptr) review(*scan.water);
   }
 
@@ -116,6 +116,7 @@ class LearntMap {
   }
 
  private:
+  static constexpr double SWEEP = 0.5 - 1e-6;  // [s] water that is looked over is noted twice a second
   static constexpr double NEVER = std::numeric_limits<double>::quiet_NaN();
   struct Cell {
     float x = 0.0F, y = 0.0F;  // [m] mean of the echoes, from the cell's corner
@@ -256,7 +257,7 @@ class LearntMap {
   std::int32_t north_ = 0, east_ = 0;
   bool knows_place_ = false;
   std::uint64_t scans_ = 0, version_ = 0;
-  double begin_ = NEVER, now_ = 0.0, cosine_ = 1.0, sine_ = 0.0;
+  double begin_ = NEVER, swept_ = NEVER, now_ = 0.0, cosine_ = 1.0, sine_ = 0.0;
   Place own_;
 };
 

@@ -1,13 +1,14 @@
 // Inverses of small symmetric matrices, what lies within which circle, and how likely measurements
-// are: what a tracker asks for
-// many times a scan, and what takes numpy longer to call than to do.
+// are: what a tracker asks for many times a scan, and what takes numpy longer to call than to do.
 #pragma once
 
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <span>
+#include <vector>
 
 namespace twinscrew {
 
@@ -45,18 +46,23 @@ inline void invert_symmetric(const double* in, double* out, std::size_t n, std::
   }
 }
 
-// Do two of the places, (N, 2), lie within one of the circles, (K, 2) and (K,)?
-inline bool crowded(std::span<const double> places, std::span<const double> centres,
-                    std::span<const double> radii) {
+// Which of the places, (N, 2), lie within each circle, (K, 2) and (K,), that holds two or more?
+inline std::vector<std::vector<std::int64_t>> crowded(std::span<const double> places,
+                                                      std::span<const double> centres,
+                                                      std::span<const double> radii) {
+  std::vector<std::vector<std::int64_t>> groups;
+  std::vector<std::int64_t> within;
   for (std::size_t k = 0; k < radii.size(); ++k) {
-    std::size_t within = 0;
+    within.clear();
     for (std::size_t i = 0; i < places.size(); i += 2) {
       const double x = places[i] - centres[2 * k], y = places[i + 1] - centres[2 * k + 1];
-      within += static_cast<std::size_t>(std::hypot(x, y) <= radii[k]);
+      if (std::abs(x) <= radii[k] && std::abs(y) <= radii[k] && std::hypot(x, y) <= radii[k]) {
+        within.push_back(static_cast<std::int64_t>(i / 2));
+      }
     }
-    if (within > 1) return true;
+    if (within.size() > 1) groups.push_back(within);
   }
-  return false;
+  return groups;
 }
 
 // What a tracker knows, and what a scan says of it.

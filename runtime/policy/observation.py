@@ -76,6 +76,7 @@ def observe(
     settings: ObservationSettings = DEFAULTS,
     shown: Shown = PAPER,
     fixed: StaticMap | None = None,
+    walls: Float64 | None = None,
 ) -> Observation:
     """Say what the vessel knows in the frame its policy was trained in.
 
@@ -95,6 +96,8 @@ def observe(
         What the policy takes.
     fixed
         What is fixed around the vessel; None: nothing is known of it.
+    walls : (S, 2, 2) float64, optional
+        Walls that the LiDAR has learnt [m] [N]: edges of the contour like the map's.
 
     Returns
     -------
@@ -114,7 +117,7 @@ def observe(
     outlines = np.zeros((shown.objects, 3), dtype=np.float32) if shown.outlines else None
     contour = None
     if shown.contour_m is not None:
-        contour = _contour(fixed, odometry, shown.contour_m)
+        contour = _contour(fixed, walls, odometry, shown.contour_m)
     if tracks.id.size:
         p_L = (tracks.p_N - odometry.position_N[:2]) @ R_NL
         nearest = nearest_objects(
@@ -146,13 +149,19 @@ def _far(range_m: float) -> Float32:
     return np.full(SECTORS, range_m, dtype=np.float32)
 
 
-def _contour(fixed: StaticMap | None, odometry: Odometry, range_m: float) -> Float32:
+def _contour(
+    fixed: StaticMap | None, walls: Float64 | None, odometry: Odometry, range_m: float
+) -> Float32:
     """Give how far off the nearest edge is, (32,) [m]; 0 where the vessel may not be."""
-    if fixed is None or fixed.is_empty:
+    place, inside = odometry.position_N[:2], False
+    edges = [] if walls is None or not len(walls) else [walls]
+    if fixed is not None and not fixed.is_empty:
+        inside = bool(fixed.forbidden(place[None])[0])
+        edges.append(fixed.near(place, range_m))
+    if not edges:
         return _far(range_m)
-    place = odometry.position_N[:2]
-    inside = bool(fixed.forbidden(place[None])[0])
-    return contour_of(fixed.near(place, range_m), place, odometry.heading, range_m, inside=inside)
+    near = edges[0] if len(edges) == 1 else np.concatenate(edges)
+    return contour_of(near, place, odometry.heading, range_m, inside=inside)
 
 
 def _apart(

@@ -84,6 +84,45 @@ def braking(gain_nspm: float, turn_n: float, limits: ThrustLimits) -> Law:
     return Law((turn_n, -turn_n), gain_nspm, limits.min_n, limits.max_n)
 
 
+FACE_M = 0.5
+"""[m] Shores as near as this to a berth's face, and as far beyond its ends, are the face."""
+
+
+def without_face(shores_N: Float64, face_N: Float64) -> Float64:
+    """Leave out of a map's boundary what is the face of a berth.
+
+    Parameters
+    ----------
+    shores_N : (S, 2, 2) float64
+        Segments [m].
+    face_N : (2, 2) float64
+        The face's ends [m].
+
+    Returns
+    -------
+    shores_N : (R, 2, 2) float64
+        Segments that do not lie on the face's line, and what of the others lies beyond its ends.
+    """
+    way = face_N[1] - face_N[0]
+    length = float(np.hypot(*way))
+    if length == 0.0:
+        return shores_N
+    along = way / length
+    across = np.array([-along[1], along[0]])
+    kept: list[Float64] = []
+    for segment in shores_N:
+        off = (segment - face_N[0]) @ across
+        if np.abs(off).max() > FACE_M:
+            kept.append(segment)
+            continue
+        begin, end = sorted(((segment - face_N[0]) @ along).tolist())
+        for low, high in ((begin, min(end, -FACE_M)), (max(begin, length + FACE_M), end)):
+            if high > low:
+                middle = face_N[0] + across * float(off.mean())
+                kept.append(middle + np.outer([low, high], along))
+    return np.array(kept).reshape(-1, 2, 2)
+
+
 Judge = Callable[[Thrust, Law], Contact]
 """What a law of the propellers leads to, from this thrust on."""
 
@@ -171,6 +210,8 @@ class Assurance:
         self._reach_m = way_m + vessel.extent_m + self.settings.margin_m
         self._shore_reach_m = way_m + vessel.close_extent_m + self.settings.shore_margin_m
         self._map = self._land = StaticMap.empty()
+        self.berth_N: Float64 | None = None
+        """[m] [N] (2, 2) Ends of the one face that may be touched now; None: nothing may be."""
         self.reset()
 
     def reset(self) -> None:
@@ -288,7 +329,8 @@ class Assurance:
         """Give what of the map's boundary could be met within the horizon."""
         if self._map.is_empty:
             return NO_SHORES
-        return self._map.near(odometry.position_N[:2], self._shore_reach_m)
+        shores = self._map.near(odometry.position_N[:2], self._shore_reach_m)
+        return shores if self.berth_N is None else without_face(shores, self.berth_N)
 
     def _since_last(self, stamp_ns: int) -> float:
         """Give the time [s] since the last check: at least 0, at most a second."""

@@ -119,6 +119,15 @@ STATION_HEADING = _warning(
 STATION_REFUSED = _warning(
     "station_refused", "A place to hold, or a berth, cannot be one: the order before it counts."
 )
+BERTH_SET = _info("berth_set", "A berth was accepted.")
+BERTH_APPROACH = _info("berth_approach", "The vessel begins its way in to the berth.")
+BERTHED = _info("berthed", "The vessel lies alongside: neutral thrust, make fast.")
+BERTH_ABORTED = _warning(
+    "berth_aborted", "The way in to the berth went wrong: it stands off, and tries again."
+)
+BERTH_GIVEN_UP = _warning(
+    "berth_given_up", "Every try to come alongside went wrong: it holds its place off the berth."
+)
 TRIAL_BEGUN = _info("trial_begun", "A trial has begun, within the box of water that is named.")
 TRIAL_MANOEUVRE = _info("trial_manoeuvre", "The trial goes on to the manoeuvre that is named.")
 TRIAL_DONE = _info("trial_done", "The trial was sailed to its end: neutral thrust.")

@@ -53,14 +53,12 @@ def associate(x: Float64, P: Float64, measured: Measurements, gate_sigma: float)
     # Minus twice the log-likelihood: without log |S| a vague track would steal from a sure one.
     cost = np.where(allowed, distance2 + log_det, FORBIDDEN)
     rows, columns = _assign(cost)
-    pairs = [
-        (i, j, float(strict2[i, j]))
-        for i, j in zip(rows.tolist(), columns.tolist(), strict=True)
-        if allowed[i, j]
-    ]
-    seen, used = {i for i, _, _ in pairs}, {j for _, j, _ in pairs}
+    near = allowed[rows, columns]
+    rows, columns = rows[near], columns[near]
+    unseen, new = np.ones(tracks, np.bool_), np.ones(measurements, np.bool_)
+    unseen[rows] = new[columns] = False
     return Association(
-        pairs,
-        [i for i in range(tracks) if i not in seen],
-        [j for j in range(measurements) if j not in used],
+        list(zip(rows.tolist(), columns.tolist(), strict2[rows, columns].tolist(), strict=True)),
+        np.flatnonzero(unseen).tolist(),
+        np.flatnonzero(new).tolist(),
     )

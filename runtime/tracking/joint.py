@@ -15,26 +15,27 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from twinscrew.runtime._native import association_marginals, pair_fits
+from twinscrew.runtime._native import association_marginals, mixtures, pair_fits, shadowed
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import NonNegative, Positive, Settings
 from twinscrew.runtime.tracking.detections import Look, SourceSettings
-from twinscrew.runtime.tracking.kalman import STATES, FilterBank, first_covariance
+from twinscrew.runtime.tracking.kalman import STATES, first_covariance
 from twinscrew.runtime.tracking.track import (
     Clutter,
     ExistenceSettings,
     Track,
     in_sector,
-    shadowed,
     sigma_m,
+    states,
 )
 
 LIKELY = 1e-4
 """[-] Pairs less probable than this are left out of the mixture."""
 MOST_EXISTENCE, LEAST_VISIBLE, MOST_VISIBLE = 0.9999, 0.02, 0.999
 """[-] Nothing is ever quite certain."""
+EVERYWHERE_PER_RAD = 1.0
+"""[1/rad] Where bearings of nothing are denser, one that fits does not tell a track from land."""
 DOUBLE_M, DOUBLE_MPS, TENTATIVE_MPS = 6.0, 2.0, 7.0
 """[m], [m/s] Tracks that differ by less are one; the last is for those never reported."""
 
@@ -45,7 +46,6 @@ def take_look(
     source: SourceSettings,
     existence: ExistenceSettings,
     clutter: Clutter,
-    bank: FilterBank,
     *,
     number: int,
     stamp_ns: int,
@@ -64,8 +64,6 @@ def take_look(
         Settings of the tracker.
     clutter
         What is known of the source's false detections; it learns.
-    bank
-        The filter.
     number, stamp_ns
         Of the look: the tracks' keys, and the time [ns] at which the scene was like this.
     """
@@ -73,7 +71,8 @@ def take_look(
     density = clutter.density(distance)
     chance = chances(tracks, look, source, existence)
     beta = association_marginals(_weights(tracks, look, source, chance, density, gate_sigma))
-    _correct(tracks, look, source, chance, beta, bank)
+    tells = source.measures == "position" or bool((density < EVERYWHERE_PER_RAD).all())
+    _correct(tracks, look, source, chance, beta, tells=tells)
     settled = [track.detections >= existence.settled_hits for track in tracks]
     held = beta[settled].sum(axis=0)
     clutter.learn(stamp_ns, distance, 1.0 - np.minimum(held, 1.0))
@@ -91,27 +90,33 @@ def chances(
     """Give how likely a look detects each track, if that exists: v p_D, (K,)."""
     if not tracks:
         return np.zeros(0)
-    offset = np.array([track.x[:2] for track in tracks]) - look.origin_N
+    x, _ = states(tracks)
+    offset = x[:, :2] - look.origin_N
     chance = source.detection_probability(np.hypot(offset[:, 0], offset[:, 1]))
     chance = chance * in_sector(offset, look.heading, source.sector_rad)
     hides = np.array([track.confirmed for track in tracks])
-    chance[shadowed(offset, hides, existence)] *= existence.shadow
+    chance[shadowed(offset, hides, existence.shadow_m)] *= existence.shadow
     seen = np.array([track.visible.get(look.source, source.visible) for track in tracks])
     product: Float64 = chance * seen
     return product
 
 
-def missed(track: Track, name: str, source: SourceSettings, chance: float, beta: float) -> None:
-    """Take in that a look detected a track with probability `beta`, or else missed it.
+def missed(
+    tracks: Sequence[Track], name: str, source: SourceSettings, chance: Float64, beta: Float64
+) -> None:
+    """Take in that a look detected tracks with probabilities `beta`, (K,), or else missed them.
 
-    `chance` is v p_D. Musicki and Evans (2004), sec. III; Brekke et al. (2021), sec. IV.
+    `chance`, (K,), is v p_D. Musicki and Evans (2004), sec. III; Brekke et al. (2021), sec. IV.
     """
-    r, v = track.existence, track.visible.get(name, source.visible)
+    r = np.array([track.existence for track in tracks])
+    v = np.array([track.visible.get(name, source.visible) for track in tracks])
     undetected = (1.0 - beta) / (1.0 - r * chance)
     exists = beta + undetected * r * (1.0 - chance)
-    sees = beta + undetected * r * (v - chance)
-    track.existence = min(exists, MOST_EXISTENCE)
-    track.visible = track.visible | {name: min(max(sees / exists, LEAST_VISIBLE), MOST_VISIBLE)}
+    sees = np.clip((beta + undetected * r * (v - chance)) / exists, LEAST_VISIBLE, MOST_VISIBLE)
+    exists = np.minimum(exists, MOST_EXISTENCE)
+    for track, known, visible in zip(tracks, exists.tolist(), sees.tolist(), strict=True):
+        track.existence = known
+        track.visible = track.visible | {name: visible}
 
 
 def _within_range(look: Look, source: SourceSettings) -> tuple[Look, Float64]:
@@ -138,7 +143,7 @@ def _weights(
     """Give each pair's weight against "not detected", (K, M)."""
     if not tracks or not len(density):
         return np.zeros((len(tracks), len(density)))
-    x, P = np.array([t.x for t in tracks]), np.array([t.P for t in tracks])
+    x, P = states(tracks)
     origin = look.origin_N.tolist()
     _, per_m = pair_fits(x, P, look.z, look.H, look.R, look.R_rad2, origin, gate_sigma)
     if source.measures == "bearing":  # the density of clutter is one of directions
@@ -154,57 +159,35 @@ def _correct(
     source: SourceSettings,
     chance: Float64,
     beta: Float64,
-    bank: FilterBank,
+    *,
+    tells: bool,
 ) -> None:
-    """Let each track take in what a look says of it."""
-    detected = beta.sum(axis=1).tolist()
+    """Let each track take in what a look says of it; if it `tells`, that the source has seen it."""
+    if not tracks:
+        return
+    sums = beta.sum(axis=1)
+    missed(tracks, look.source, source, chance, sums)
+    detected = sums.tolist()
     for k, track in enumerate(tracks):
-        missed(track, look.source, source, float(chance[k]), detected[k])
         if detected[k] > 0.5:
             track.age_s = 0.0
             track.detections += 1
-            track.sources |= {look.source}
+            if tells:
+                track.sources |= {look.source}
             if any(source.shape_m):
                 track.shape_m2 = np.square(source.shape_m)
-    rows, columns = np.nonzero(beta > LIKELY)
+    likely = beta > LIKELY
+    rows = np.flatnonzero(likely.any(axis=1))
     if not len(rows):
         return
-    x, P = np.array([t.x for t in tracks]), np.array([t.P for t in tracks])
-    squared = ((x[rows, :2] - look.origin_N) ** 2).sum(axis=1)
-    grown = (look.R_rad2[columns] * squared)[:, None, None] * np.eye(look.z.shape[1])
-    updated = bank.update(
-        x[rows], P[rows], look.z[columns], look.H[columns], look.R[columns] + grown
-    )
+    x, P = states(tracks)
     exists = np.array([t.existence for t in tracks])
-    share = beta[rows, columns] / np.maximum(exists, beta.sum(axis=1))[rows]
-    x, P = _mixed(x, P, *updated, share, rows)
-    for k in np.unique(rows).tolist():
-        tracks[k].x, tracks[k].P = x[k], P[k]
-
-
-def _mixed(
-    x: Float64, P: Float64, x_new: Float64, P_new: Float64, share: Float64, rows: NDArray[np.intp]
-) -> tuple[Float64, Float64]:
-    """Give mean and covariance of each track's mixture.
-
-    Parameters
-    ----------
-    x, P : (K, 6), (K, 6, 6) float64
-        Tracks without an update,
-    x_new, P_new : (N, 6), (N, 6, 6) float64
-        and with each of theirs.
-    share : (N,) float64
-        The updates' probabilities; what is missing from 1 is that of no update.
-    rows : (N,) int
-        The track of each update.
-    """
-    rest = np.maximum(1.0 - np.bincount(rows, weights=share, minlength=len(x)), 0.0)
-    mean = rest[:, None] * x
-    np.add.at(mean, rows, share[:, None] * x_new)
-    off, offs = x - mean, x_new - mean[rows]
-    spread = rest[:, None, None] * (P + off[:, :, None] * off[:, None, :])
-    np.add.at(spread, rows, share[:, None, None] * (P_new + offs[:, :, None] * offs[:, None, :]))
-    return mean, spread
+    shares = np.where(likely, beta / np.maximum(exists, sums)[:, None], 0.0)[rows]
+    origin = look.origin_N.tolist()
+    found = mixtures(x[rows], P[rows], look.z, look.H, look.R, look.R_rad2, origin, shares)
+    x, P = found[:, :STATES], found[:, STATES:].reshape(-1, STATES, STATES)
+    for n, k in enumerate(rows.tolist()):
+        tracks[k].x, tracks[k].P = x[n], P[n]
 
 
 def started(

@@ -73,11 +73,13 @@ def acceleration_psd(x: Float64, *, rest: float, under_way: float, speed_mps: fl
     return psd
 
 
-def bias_noise(dt: float, bias_time_s: float, variance: Float64) -> Float64:
-    """Give the part of Q, (K, 6, 6), that keeps the biases' stationary variances.
+def add_bias_noise(Q: Float64, dt: float, bias_time_s: float, variance: Float64) -> None:
+    """Add what keeps the biases' stationary variances.
 
     Parameters
     ----------
+    Q : (K, 6, 6) float64
+        The process noise; it is changed.
     dt : float
         Time step [s].
     bias_time_s : float
@@ -85,25 +87,27 @@ def bias_noise(dt: float, bias_time_s: float, variance: Float64) -> Float64:
     variance : (K, 2) float64
         Stationary variances [m2], along and across the line of sight.
     """
-    Q = np.zeros((len(variance), STATES, STATES))
     forgotten = 1.0 - math.exp(-2.0 * dt / bias_time_s)
-    Q[:, 4, 4], Q[:, 5, 5] = forgotten * variance.T
-    return Q
+    added = forgotten * variance
+    Q[:, 4, 4] += added[:, 0]
+    Q[:, 5, 5] += added[:, 1]
 
 
-def slide_noise(dt: float, slide_mps: Float64) -> Float64:
-    """Give the part of Q, (K, 6, 6), of positions that jump over `dt` [s] without any velocity.
+def add_slide_noise(Q: Float64, dt: float, slide_mps: Float64) -> None:
+    """Add that positions jump over `dt` [s] without any velocity.
 
     Parameters
     ----------
+    Q : (K, 6, 6) float64
+        The process noise; it is changed.
     dt : float
         Time step [s].
     slide_mps : (K,) float64
         Standard deviation of the jumps over the time [m/s]; 0 for what goes where it is moved.
     """
-    Q = np.zeros((len(slide_mps), STATES, STATES))
-    Q[:, 0, 0] = Q[:, 1, 1] = (slide_mps * dt) ** 2
-    return Q
+    jumps = (slide_mps * dt) ** 2
+    Q[:, 0, 0] += jumps
+    Q[:, 1, 1] += jumps
 
 
 def first_covariance(H: Float64, R: Float64, prior: Float64) -> Float64:

@@ -353,21 +353,21 @@ def join_fragments(
     at_rest
         Of those: of what was joined nothing is known.
     """
-    if not crowded(objects.p_L, p_L, radius):
+    circles = crowded(objects.p_L, p_L, radius)
+    if not circles:
         return objects, at_rest
-    offset = objects.p_L[None, :, :] - p_L[:, None, :]
-    within = np.hypot(offset[..., 0], offset[..., 1]) <= radius[:, None]
     alone = np.array([rests is True for rests in at_rest])
     groups, free = [], ~alone
-    for members in within:
-        pieces = np.flatnonzero(members & free)
+    for within in circles:
+        members = np.array(within)
+        pieces = members[free[members]]
         if len(pieces) > 1:
             groups.append(pieces)
             free[pieces] = False
-    rows = [_joined(objects, pieces) for pieces in groups]
+    rows = np.array([_joined(objects, pieces) for pieces in groups]).reshape(-1, 4)
     kept = np.flatnonzero(free | alone)
-    rows += [(*objects.p_L[i], objects.radius[i], objects.points[i]) for i in kept]
-    table = np.array(rows, dtype=np.float64).reshape(-1, 4)
+    others = np.column_stack([objects.p_L[kept], objects.radius[kept], objects.points[kept]])
+    table = np.concatenate([rows, others])
     joined = Objects(
         stamp_ns=objects.stamp_ns,
         p_L=table[:, :2],

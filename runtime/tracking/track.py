@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from twinscrew.runtime.messages.types import Float64
 from twinscrew.runtime.settings import Count, Fraction, NonNegative, Positive, Settings
 from twinscrew.runtime.tracking.detections import SourceSettings
+from twinscrew.runtime.tracking.kalman import STATES
 from twinscrew.runtime.tracking.lidar import LidarExtras
 
 RINGS_M = np.array([0.0, 25.0, 50.0, 100.0, 200.0, 400.0, 800.0, 1600.0])
@@ -55,7 +56,11 @@ class ExistenceSettings(Settings, frozen=True, kw_only=True):
     confirm: Fraction = 0.999
     """[-] A track that exists with this probability is reported,"""
     report: Fraction = 0.4
-    """[-] for as long as it exists with this one."""
+    """[-] for as long as it exists with this one,"""
+    report_new: Fraction = 0.4
+    """[-] or with this one until it has been detected"""
+    new_hits: Count = 12
+    """[-] so often: what soon is not seen any more was clutter."""
     drop: Fraction = 0.05
     """[-] Below this it is dropped."""
     drop_tentative: Fraction = 0.0007
@@ -265,9 +270,12 @@ def is_absorbed(track: Track, tracks: Sequence[Track], settings: LifeSettings) -
     )
 
 
-def visibility(known: float, source: SourceSettings, dt: float) -> float:
-    """Give the probability that a source can see a track, `dt` [s] after it was `known`."""
-    return source.visible + (known - source.visible) * math.exp(-dt / source.visible_s)
+def states(tracks: Sequence[Track]) -> tuple[Float64, Float64]:
+    """Give states and covariances, (K, 6) and (K, 6, 6)."""
+    if not tracks:
+        return np.empty((0, STATES)), np.empty((0, STATES, STATES))
+    x, P = np.concatenate([t.x for t in tracks]), np.concatenate([t.P for t in tracks])
+    return x.reshape(-1, STATES), P.reshape(-1, STATES, STATES)
 
 
 def in_sector(
@@ -283,30 +291,9 @@ def in_sector(
     return inside
 
 
-def shadowed(
-    offset_N: Float64, hides: NDArray[np.bool_], settings: ExistenceSettings
-) -> NDArray[np.bool_]:
-    """Tell which targets lie behind another one that hides what is behind it.
-
-    Parameters
-    ----------
-    offset_N : (K, 2) float64
-        Targets [m], from the sensor.
-    hides : (K,) bool
-        Whether each is sure enough to hide others.
-    settings
-        How wide a shadow is.
-    """
-    distance = np.hypot(offset_N[:, 0], offset_N[:, 1])
-    near = np.flatnonzero(hides)
-    if not len(near) or len(offset_N) < 2:
-        return np.zeros(len(offset_N), np.bool_)
-    u = offset_N[near] / np.maximum(distance[near], 1e-6)[:, None]
-    along = offset_N @ u.T
-    across = np.abs(offset_N[:, 1:] * u[:, 0] - offset_N[:, :1] * u[:, 1])
-    at_the_front = across * distance[near] / np.maximum(distance, 1e-6)[:, None]
-    behind = (along > 0.0) & (distance[:, None] > distance[near] + 3.0)
-    return np.asarray((behind & (at_the_front < settings.shadow_m)).any(axis=1))
+def least_reported(track: Track, settings: ExistenceSettings) -> float:
+    """Give with which probability a track must exist to be reported."""
+    return settings.report_new if track.detections < settings.new_hits else settings.report
 
 
 def has_moved(track: Track, settings: ExistenceSettings) -> bool:

@@ -42,10 +42,10 @@ from twinscrew.runtime.tracking.kalman import (
     STATES,
     FilterBank,
     acceleration_psd,
-    bias_noise,
+    add_bias_noise,
+    add_slide_noise,
     first_covariance,
     motion_noise,
-    slide_noise,
     transition,
 )
 from twinscrew.runtime.tracking.lidar import (
@@ -97,9 +97,10 @@ from twinscrew.runtime.tracking.track import (
     has_moved,
     is_absorbed,
     is_born,
+    least_reported,
     lives,
     sigma_m,
-    visibility,
+    states,
 )
 
 LIDAR = "lidar"
@@ -264,7 +265,9 @@ class Tracker:
         reported = [
             Track.restored(track.saved())
             for track in self._tracks
-            if track.confirmed and track.part_of is None and track.existence >= existence.report
+            if track.confirmed
+            and track.part_of is None
+            and track.existence >= least_reported(track, existence)
         ]
         if not reported or self._last_ns is None:
             return []
@@ -279,6 +282,16 @@ class Tracker:
             and math.hypot(*(track.x[:2] - own_N)) <= existence.report_range_m
         ]
         return sorted(near, key=lambda track: track.id)
+
+    def seen_by_others(self, stamp_ns: int, own_N: Float64) -> Tracks:
+        """Give what sources beside the LiDAR have shown, as it is at a time [ns], from a place.
+
+        For a boat whose LiDAR sends nothing: tracks that only the LiDAR knows are left out, since
+        nobody would notice if they were no longer there.
+        """
+        shown = [track for track in self._shown() if track.sources - {LIDAR}]
+        dt = max((stamp_ns - (self._last_ns or stamp_ns)) / NANOSECONDS_PER_SECOND, 0.0)
+        return self._message(stamp_ns, shown, *self._moved(shown, dt, own_N))
 
     def _start_afresh_after_a_jump(self, stamp_ns: int) -> None:
         last_ns = stamp_ns if self._scan_ns is None else self._scan_ns
@@ -352,7 +365,6 @@ class Tracker:
             settings.sources[look.source],
             settings.existence,
             self._clutter[look.source],
-            self._bank,
             number=number,
             stamp_ns=stamp_ns,
             gate_sigma=settings.gate_sigma,
@@ -399,25 +411,30 @@ class Tracker:
     def _predict(self, dt: float, own_N: Float64) -> tuple[Float64, Float64]:
         """Move every track on; give all states and covariances, (K, 6) and (K, 6, 6)."""
         if not self._tracks:
-            return _states(self._tracks)
+            return states(self._tracks)
         x, P = self._moved(self._tracks, dt, own_N)
         for k, track in enumerate(self._tracks):
             track.predicted(dt, x[k], P[k])
         if self.settings.sources and dt > 0.0:
             survives = math.exp(-dt / self.settings.existence.lifetime_s)
+            usual = {name: self._source(name) for name in (LIDAR, *self.settings.sources)}
+            drift = {n: (s.visible, math.exp(-dt / s.visible_s)) for n, s in usual.items()}
             for track in self._tracks:
                 if track.named is None:
                     track.existence *= survives
-                track.visible = {
-                    name: visibility(known, self._source(name), dt)
-                    for name, known in track.visible.items()
-                }
+                visible = {}
+                for name, known in track.visible.items():
+                    mean, kept = drift[name]  # a Markov chain of two states
+                    visible[name] = mean + (known - mean) * kept
+                track.visible = visible
         return x, P
 
     def _moved(self, tracks: Sequence[Track], dt: float, own_N: Float64) -> tuple[Float64, Float64]:
         """Give states and covariances of tracks `dt` [s] later, seen from a place (2,) [m]."""
         settings, time_s = self.settings, self.settings.measurement.bias_time_s
-        x, P = _states(tracks)
+        x, P = states(tracks)
+        if dt == 0.0:
+            return x, P
         psd = acceleration_psd(
             x,
             rest=settings.rest_psd,
@@ -431,9 +448,9 @@ class Tracker:
             named = [only_named(track, self._identifying) for track in tracks]
             psd = np.where(named, np.minimum(psd, self._named_psd), psd)
         Q = psd[:, None, None] * motion_noise(dt, 1.0)
-        Q += bias_noise(dt, time_s, self._bias_variance(tracks, x, own_N))
+        add_bias_noise(Q, dt, time_s, self._bias_variance(tracks, x, own_N))
         slides = settings.standing.slide_mps * _floats([track.at_rest for track in tracks])
-        Q += slide_noise(dt, slides)
+        add_slide_noise(Q, dt, slides)
         return self._bank.predict(x, P, transition(dt, time_s), Q)
 
     def _bias_variance(self, tracks: Sequence[Track], x: Float64, own_N: Float64) -> Float64:
@@ -527,15 +544,19 @@ class Tracker:
         source = self._source(LIDAR)
         look = no_detections(LIDAR, own.p_N, own.heading)
         chance = chances(self._tracks, look, source, self.settings.existence)
-        seen = {i for i, _, _ in found.pairs} | set(ships)
+        seen = np.zeros(len(self._tracks))
+        seen[[i for i, _, _ in found.pairs]] = 1.0
+        seen[list(ships)] = 1.0
+        others: list[int] = []
         for k, track in enumerate(self._tracks):
-            if only_named(track, self._identifying):
-                if _surely_within(track, own.p_N, source) and not is_seen_in_part(
-                    track, self._tracks
-                ):
-                    track.existence *= UNSEEN  # a vessel that is there is seen
-                continue
-            missed(track, LIDAR, source, float(chance[k]), float(k in seen))
+            if not only_named(track, self._identifying):
+                others.append(k)
+            elif _surely_within(track, own.p_N, source) and not is_seen_in_part(
+                track, self._tracks
+            ):
+                track.existence *= UNSEEN  # a vessel that is there is seen
+        judged = [self._tracks[k] for k in others]
+        missed(judged, LIDAR, source, chance[others], seen[others])
 
     def _correct(
         self, x: Float64, P: Float64, measured: Measurements, found: Association, own: Viewpoint
@@ -569,7 +590,8 @@ class Tracker:
         for n, track in enumerate(tracks):
             radius = smoothed_radius(track.radius, radii[n], self.settings.radius)
             track.seen(x[n], P[n], radius, extras[n])
-            self._confirm(track)
+            if not track.confirmed:
+                self._confirm(track)
 
     def _reopened(self, P: Float64, tracks: list[Track], extras: list[LidarExtras]) -> Float64:
         """Let tracks forget their velocities if they rest, or move, otherwise than it seemed.
@@ -640,7 +662,7 @@ class Tracker:
                 track.scans, track.hits, track.extras = 0, 0, None
                 track.sources -= {LIDAR}
         alive = [track for track in self._tracks if self._is_alive(track)]
-        self._tracks = [track for track in alive if not is_absorbed(track, alive, life)]
+        self._tracks = [t for t in alive if t.age_s == 0.0 or not is_absorbed(t, alive, life)]
         long = [track for track in alive if track.hull is not None and track.age_s == 0.0]
         if long:
             self._tracks = [track for track in self._tracks if not self._is_part(track, long)]
@@ -678,6 +700,11 @@ class Tracker:
         return self._long.latest
 
     @property
+    def pieces(self) -> list[int]:
+        """Identities of the tracks that are pieces of long objects that stand, as last seen."""
+        return [track.id for track in self._tracks if track.confirmed and track.at_rest]
+
+    @property
     def stands(self) -> Mapping[int, bool]:
         """Of that outline's long objects, by number, whether they stand, as far as is known."""
         return self._long.stands
@@ -692,14 +719,19 @@ class Tracker:
         )
 
     def _report(self, stamp_ns: int) -> Tracks:
-        tracks = [
+        tracks = self._shown()
+        return self._message(stamp_ns, tracks, *states(tracks))
+
+    def _shown(self) -> list[Track]:
+        return [
             track
             for track in self._tracks
             if track.confirmed
             and track.part_of is None
             and not (self._identifying and self._is_doubted(track))
         ]
-        x, P = _states(tracks)
+
+    def _message(self, stamp_ns: int, tracks: Sequence[Track], x: Float64, P: Float64) -> Tracks:
         return Tracks(
             stamp_ns=stamp_ns,
             id=np.array([track.id for track in tracks], dtype=np.int64),
@@ -756,13 +788,6 @@ def _outline(track: Track) -> tuple[float, float, float]:
     if hull is not None:
         return hull.half_length, hull.half_beam, hull.heading
     return math.nan, math.nan, math.nan
-
-
-def _states(tracks: Sequence[Track]) -> tuple[Float64, Float64]:
-    """Give states and covariances, (K, 6) and (K, 6, 6)."""
-    x = np.array([track.x for track in tracks]).reshape(-1, STATES)
-    P = np.array([track.P for track in tracks]).reshape(-1, STATES, STATES)
-    return x, P
 
 
 def _floats(values: Sequence[float]) -> Float64:

@@ -10,6 +10,7 @@ import numpy as np
 
 from twinscrew.runtime.errors import ConfigError
 from twinscrew.runtime.messages.types import (
+    Berth,
     Float64,
     Goal,
     HealthEvent,
@@ -17,6 +18,7 @@ from twinscrew.runtime.messages.types import (
     Station,
 )
 from twinscrew.runtime.safety.events import (
+    BERTH_SET,
     GOAL_MISSING,
     GOAL_REACHED,
     GOAL_SET,
@@ -64,6 +66,10 @@ class Mission:
         self._held: Goal | None = None
         self._off_place = False
         self._station: Station | None = None
+        self.berth: Berth | None = None
+        """A face to lie at, if that is the last order."""
+        self.line_up_N: Float64 | None = None
+        """[m] [N] (2,) Where the way in to the berth begins: whoever finds it says so."""
         self._keeps = self._was_held = False
 
     @property
@@ -71,6 +77,9 @@ class Mission:
         """The goal to head for, reached or not; None if there is none."""
         if self._held is not None:
             return self._held
+        if self.berth is not None:
+            place_N = self.berth.face_N.mean(axis=0) if self.line_up_N is None else self.line_up_N
+            return Goal(stamp_ns=self.berth.stamp_ns, position_N=place_N)
         if self._station is not None:
             return Goal(stamp_ns=self._station.stamp_ns, position_N=self._station.position_N)
         return self._goals[self._index] if self._goals else None
@@ -78,6 +87,8 @@ class Mission:
     @property
     def target(self) -> Goal | None:
         """The goal that is not reached yet; None if there is none."""
+        if self.berth is not None and self._held is None:
+            return None if self._keeps else self.goal
         if self._place is not None:
             return None if self._keeps else self.goal
         if self._held is not None:
@@ -90,9 +101,17 @@ class Mission:
         return self._place if self._keeps else None
 
     @property
+    def berths(self) -> bool:
+        """Whether the vessel is near enough to its berth to come in."""
+        return self.berth is not None and self._held is None and self._keeps
+
+    @property
     def ahead_N(self) -> Float64:
         """[m] [N] (K, 2) The goals that are not reached yet, in their order."""
         ahead = [] if self.arrived else self._goals[self._index :]
+        if self.berth is not None:
+            goal = self.goal
+            return np.empty((0, 2)) if goal is None else goal.position_N.reshape(1, 2)
         if self._station is not None:
             return self._station.position_N.reshape(1, 2)
         return np.array([goal.position_N for goal in ahead]).reshape(-1, 2)
@@ -132,6 +151,14 @@ class Mission:
             bow = f"{math.degrees(station.heading) % 360.0:.0f} deg"
         words = f"north {north:.1f} m, east {east:.1f} m, bow {bow}"
         return STATION_SET.at(station.stamp_ns, words)
+
+    def set_berth(self, berth: Berth) -> HealthEvent:
+        """Replace all goals by a face to lie at."""
+        self._begin([])
+        self.berth = berth
+        (north, east), (north_2, east_2) = berth.face_N.tolist()
+        words = f"from north {north:.1f} m, east {east:.1f} m to north {north_2:.1f} m, "
+        return BERTH_SET.at(berth.stamp_ns, f"{words}east {east_2:.1f} m")
 
     def hold(self, odometry: Odometry) -> None:
         """Keep the place where the vessel is, whatever the goals; they are kept for `resume`."""
@@ -176,6 +203,13 @@ class Mission:
 
     def step(self, odometry: Odometry) -> HealthEvent | None:
         """Look where the vessel is; give an event when it reaches a goal, or has none any more."""
+        if self.berth is not None and self._held is None:
+            self._was_missing = False
+            if self.line_up_N is not None:
+                radii = KEPT_RADII * self._settings.goal_radius_m
+                off_m = float(np.hypot(*(self.line_up_N - odometry.position_N[:2])))
+                self._keeps = off_m <= (8.0 if self._keeps else 1.0) * radii
+            return None
         place = self._place
         if place is not None:
             self._was_missing = False
@@ -206,6 +240,7 @@ class Mission:
 
     def _begin(self, goals: list[Goal]) -> None:
         self._goals, self._index, self.arrived = goals, 0, False
+        self.berth = self.line_up_N = None
         self._station, self._keeps, self._was_held = None, False, False
         self.orders += 1
 

@@ -37,6 +37,8 @@ from twinscrew.runtime.vessel.frames import Frames
 
 STATE_EVERY_NS: Final = NANOSECONDS_PER_SECOND
 """[ns] How often the state is published while it stays as it is."""
+CHART_EVERY_NS: Final = 5 * NANOSECONDS_PER_SECOND
+"""[ns] How often the chart is published again while it stays as it is; it is recorded once."""
 DRAW_EVERY_NS: Final = NANOSECONDS_PER_SECOND // 2
 """[ns] How often the situation is drawn (`TOPICS["situation"]`)."""
 BUOY_RADIUS_M: Final = 2.0
@@ -122,6 +124,8 @@ class Publisher:
         self._drawn_ns: int | None = None
         self._planned_ns: int | None = None
         self._came: bytes | None = None
+        self._chart: bytes | None = None
+        self._chart_ns = 0
         self._recorder_losses, self._bus_losses = Losses(), Losses()
         self.has_listeners = bus is not None or recorder is not None
         """Whether anything is published or recorded."""
@@ -161,6 +165,7 @@ class Publisher:
         With it goes what is known of the autopilot, and of the operational envelope, in words.
         """
         now_ns, last_ns = self._clock_ns(), self._state_ns
+        self._repeat_chart(now_ns)
         if last_ns is None or not 0 <= now_ns - last_ns < STATE_EVERY_NS:
             self._state_ns = now_ns
             known = ((AUTOPILOT_NOW, autopilot), (ENVELOPE_NOW, envelope))
@@ -191,6 +196,8 @@ class Publisher:
         """Record a message that was taken in, and what is drawn from odometry."""
         if not self.has_listeners:
             return
+        if taken.topic == "chart":
+            self._chart, self._chart_ns = taken.payload, self._clock_ns()
         if taken.made_here:
             self._put(taken.topic, taken.payload)
         elif taken.payload is not self._came:
@@ -256,6 +263,15 @@ class Publisher:
         frame_id = self._frames.world
         route = cdr.encode_path(route_N, stamp_ns=stamp_ns, frame_id=frame_id)
         self._put("planned_route", route)
+
+    def _repeat_chart(self, now_ns: int) -> None:
+        """Publish the chart again, for who begins to listen; a recording has it already."""
+        if self._chart is None or self._bus is None:
+            return
+        if not 0 <= now_ns - self._chart_ns < CHART_EVERY_NS:
+            self._chart_ns = now_ns
+            with suppress(BusError):
+                self._bus.publish("chart", self._chart)
 
     def _put(self, topic: str, payload: bytes) -> None:
         if self._bus is not None:

@@ -54,7 +54,7 @@ from twinscrew.runtime.tracking.lidar import SensorView
 from twinscrew.runtime.tracking.tracker import Tracker, TrackerSettings
 from twinscrew.runtime.vessel.config import RuntimeConfig, senses_of, sensor_of, tracking_of
 from twinscrew.runtime.vessel.mission import Mission
-from twinscrew.runtime.vessel.station import Keeper
+from twinscrew.runtime.vessel.station import Berthing, Keeper
 from twinscrew.runtime.vessel.trial import Trial
 from twinscrew.runtime.vessel_description import load_vessel
 
@@ -67,6 +67,8 @@ SETTLE_S: Final = 1.0
 
 MOST_LOOKS: Final = 1000
 """[-] Looks of other sensors that wait for a scan; the oldest are left out."""
+SCANLESS_S = 1.0
+"""[s] So long after the last scan the other sensors are listened to without one, this often."""
 NEWER_S, OLDER_S = 1.0, 5.0
 """[s] A look that is so much newer or older than the vessel's time has a wrong stamp."""
 
@@ -123,6 +125,9 @@ class TrackingStage(Protocol):
     def take(self, look: Look) -> bool:
         """See `Tracker.take`."""
 
+    def seen_by_others(self, stamp_ns: int, own_N: Float64) -> Tracks:
+        """See `Tracker.seen_by_others`."""
+
     def reset(self) -> None:
         """Forget all tracks."""
 
@@ -177,6 +182,8 @@ class Pipeline:
         self._chart = StaticMap.empty()
         self.keeper = keeper
         """Holds places; None: at a place that is to be held the propellers rest."""
+        self.berthing: Berthing | None = None
+        """How the boat comes to the berth that the mission names."""
         self._observation = observation or ObservationSettings()
         self._schedule = DecisionSchedule(policy.period_s)
         life = tracker.settings.life
@@ -232,6 +239,7 @@ class Pipeline:
         heard = self.senses.listen(cloud.stamp_ns) if self.senses.by_topic else ()
         tracks, gap = self._track(objects, odometry)
         self._settling.step(cloud.stamp_ns, seen=blind is None)
+        self._find_berth(odometry)
         progress = self.mission.step(odometry)
         self._learn(cloud.stamp_ns, odometry)
         idle = self.stopped or not engaged or blind is not None or self.is_settling
@@ -239,6 +247,8 @@ class Pipeline:
         station = self.mission.station or self._held
         if self.trial is not None:
             observation, failed, overridden = self._try(self.trial, odometry, tracks, idle=idle)
+        elif self.berthing is not None and self.mission.berths and not idle:
+            observation, failed, overridden = self._come_in(self.berthing, odometry, tracks)
         elif self.keeper is not None and station is not None and not idle:
             observation, failed, overridden = self._keep(self.keeper, odometry, station, tracks)
         elif goal is None or idle:
@@ -268,7 +278,10 @@ class Pipeline:
         """Whether there is something to do: a goal that is not reached, a place, or a trial."""
         if self.trial is not None:
             return not self.trial.over or self.trial.braking
-        return self.mission.target is not None or self.mission.station is not None
+        mission = self.mission
+        if mission.berths and self.berthing is not None:
+            return not self.berthing.lies
+        return mission.target is not None or mission.station is not None
 
     @property
     def knows_surroundings(self) -> bool:
@@ -361,9 +374,7 @@ class Pipeline:
         if self.keeper is not None:
             self.keeper.reset()
         if self._schedule.is_due(odometry.stamp_ns):
-            observation = observe(
-                odometry, goal, tracks, before, self._observation, self.policy.shown, self.chart
-            )
+            observation = self._observe(odometry, goal, tracks, before)
             try:
                 self._rate = self.policy.act(observation)
             except PolicyError as error:
@@ -392,6 +403,37 @@ class Pipeline:
         )
         return Driven(overridden=(*events, *overridden))
 
+    def _find_berth(self, odometry: Odometry) -> None:
+        """Follow the mission's berth: where its way in begins is known once the boat's place is."""
+        berth = self.mission.berth
+        if isinstance(self.assurance, Assurance):
+            coming = self.berthing is not None and self.berthing.is_coming_in
+            self.assurance.berth_N = None if berth is None or not coming else berth.face_N
+        if berth is None or self.keeper is None:
+            self.berthing = None
+        elif self.berthing is None or self.berthing.berth is not berth:
+            self.berthing = Berthing(self.keeper, berth, odometry.position_N[:2])
+            self.mission.line_up_N = self.berthing.line_up_N
+
+    def _come_in(self, berthing: Berthing, odometry: Odometry, tracks: Tracks) -> Driven:
+        """Come alongside; the assurance checks every thrust, against all but the berth's face."""
+        before = self._thrust
+        self._rate = NEUTRAL
+        self._schedule.restart()
+        others = berthing.others(tracks)
+        self._thrust, events = berthing.step(odometry, before, others)
+        if berthing.lies:
+            return self._stop()._replace(overridden=events)
+        self._slow_down(odometry)
+        if self.assurance is None:
+            return Driven(overridden=events)
+        self._thrust, overridden = self.assurance.step(
+            odometry, others, before, self._thrust, decided=True
+        )
+        if any(event.name == ASSURANCE_INTERVENED.name for event in overridden):
+            events += berthing.interrupt(odometry.stamp_ns, "the assurance took over")
+        return Driven(overridden=(*events, *overridden))
+
     def _slow_down(self, odometry: Odometry) -> None:
         """Drive no faster ahead than the speed limit, if there is one."""
         if self.speed_limit is not None:
@@ -402,6 +444,24 @@ class Pipeline:
                 self.speed_limit.gain_nspm,
             )
             self._thrust = self.guard.limits.clip(limited)
+
+    def _observe(
+        self, odometry: Odometry, goal: Goal, tracks: Tracks, before: Float64
+    ) -> Observation:
+        """Say what the policy is shown; learnt walls are edges to one that takes a contour.
+
+        It is not shown the pieces of long objects that stand besides, where they are such walls.
+        """
+        shown, walls = self.policy.shown, None
+        if shown.contour_m is not None and self.learnt is not None:
+            walls = self.learnt.edges_near(odometry.position_N, shown.contour_m)
+            if len(walls) and isinstance(self.tracker, Tracker):
+                pieces = np.isin(tracks.id, self.tracker.pieces)
+                for k in np.flatnonzero(pieces).tolist():
+                    on_wall = self.learnt.edges_near(tracks.p_N[k], float(tracks.radius[k]))
+                    pieces[k] = len(on_wall) > 0
+                tracks = tracks.only(~pieces) if pieces.any() else tracks
+        return observe(odometry, goal, tracks, before, self._observation, shown, self.chart, walls)
 
     def _try(self, trial: Trial, odometry: Odometry, tracks: Tracks, *, idle: bool) -> Driven:
         """Sail a trial's manoeuvre; the assurance checks every thrust, as it does a policy's.
@@ -496,6 +556,7 @@ class Senses:
         self._waiting: list[Look] = []
         self._rarely = Rarely(10.0)
         self._forgotten = False
+        self._listened_ns: int | None = None
 
     def take(
         self, topic: str, payload: bytes, latest_ns: int, own_at: OwnAt
@@ -523,6 +584,7 @@ class Senses:
 
     def listen(self, stamp_ns: int) -> tuple[HealthEvent, ...]:
         """Give the tracker what came up to a scan's stamp [ns]."""
+        self._listened_ns = stamp_ns
         events: list[HealthEvent] = []
         for sense in dict.fromkeys(sense for each in self.by_topic.values() for sense in each):
             heard = sense.step(stamp_ns, forgotten=self._forgotten)
@@ -535,6 +597,21 @@ class Senses:
         for look in due:
             self._tracker.take(look)
         return tuple(events)
+
+    def without_scan(self, odometry: Odometry) -> tuple[HealthEvent, ...] | None:
+        """Listen, and give alarms, though no scan comes; None if one came a moment ago.
+
+        The boat is stopped without its LiDAR, but a ship that reports itself is still announced.
+        """
+        stamp_ns = odometry.stamp_ns
+        if self._listened_ns is None:
+            self._listened_ns = stamp_ns  # the first scan may be on its way
+        since_s = (stamp_ns - self._listened_ns) / NANOSECONDS_PER_SECOND
+        if 0.0 <= since_s < SCANLESS_S:
+            return None
+        heard = self.listen(stamp_ns)
+        tracks = self._tracker.seen_by_others(stamp_ns, odometry.position_N[:2])
+        return (*heard, *self.alarmed(odometry, tracks))
 
     def alarmed(self, odometry: Odometry, tracks: Tracks) -> tuple[HealthEvent, ...]:
         """Give what the tracks that came of it make worth reporting."""

@@ -37,6 +37,7 @@ from twinscrew.runtime.messages.navigation import as_read_back
 from twinscrew.runtime.messages.topics import TOPICS
 from twinscrew.runtime.messages.types import (
     NANOSECONDS_PER_SECOND,
+    Berth,
     Decision,
     Engagement,
     Explanation,
@@ -68,6 +69,7 @@ from twinscrew.runtime.safety.events import (
     KINDS,
     PLACE_ALLOWED,
     PLACE_FORBIDDEN,
+    STATION_REFUSED,
 )
 from twinscrew.runtime.safety.explain import assurance_manoeuvre, explain
 from twinscrew.runtime.safety.guard import NEUTRAL, Guard, ThrustLimits, Watchdog
@@ -83,6 +85,7 @@ from twinscrew.runtime.vessel.health import Facts, Health, State
 from twinscrew.runtime.vessel.inputs import Alignment, Inputs, OdometryBufferSettings, Verdict
 from twinscrew.runtime.vessel.outputs import Outputs, Taken
 from twinscrew.runtime.vessel.pipeline import Pipeline, SpeedLimit, make_pipeline
+from twinscrew.runtime.vessel.station import Berthing
 from twinscrew.runtime.vessel_description import load_vessel
 
 LATENESS_KEPT_S = 2.0
@@ -94,7 +97,7 @@ FAULT_HOLD_S = 1.0
 class _Order(NamedTuple):
     """A goal, a route or a place to hold, as it came."""
 
-    kind: Literal["goal", "route", "hold"]
+    kind: Literal["goal", "route", "hold", "berth"]
     stamp_ns: int
     places: Float64
     """[m] (K, 2) y and x in its frame: north and east if that is the frame of positions. Of a place
@@ -191,6 +194,7 @@ class Vessel:
             "goal": self._goal,
             "route": self._route,
             "hold": self._hold,
+            "berth": self._berth,
             "engagement": self._engagement,
             "fallback": self._fallback,
             "chart": self._chart,
@@ -398,8 +402,14 @@ class Vessel:
         taken.message = odometry = taken.message or cdr.decode_odometry(taken.payload)
         verdict = self.inputs.odometry(odometry)
         self._judged("odometry", odometry.stamp_ns, verdict, out, now_s)
-        if verdict.usable:
-            self._follow_frames(odometry, out, now_s)
+        if not verdict.usable:
+            return
+        self._follow_frames(odometry, out, now_s)
+        senses = self.pipeline.senses
+        events = senses.without_scan(odometry) if senses.by_topic else None
+        if events is not None:
+            out.targets = senses.targets(odometry.stamp_ns)
+            self._tell(out, now_s, *events)
 
     def _judged(
         self, topic: str, stamp_ns: int, verdict: Verdict, out: Outputs, now_s: float
@@ -459,6 +469,18 @@ class Vessel:
             places = np.vstack([places, places[0] + ahead])
         self._order(_Order("hold", station.stamp_ns, places, (station.frame_id,)), out, now_s)
 
+    def _berth(self, taken: Taken, out: Outputs, now_s: float) -> None:
+        path = cdr.decode_path(taken.payload)
+        if len(path.places_N) != 2:
+            raise MessageError(f"a berth's face has two ends, got {len(path.places_N)} places")
+        length_m = float(np.hypot(*(path.places_N[1] - path.places_N[0])))
+        least_m = self.pipeline.keeper.vessel.length_m if self.pipeline.keeper else 0.0
+        if not max(0.5 * least_m, 0.1) <= length_m:
+            words = f"a face of {length_m:.1f} m is too short for a vessel of {least_m:.1f} m"
+            self._tell(out, now_s, STATION_REFUSED.at(self.stamp_ns, words))
+            return
+        self._order(_Order("berth", path.stamp_ns, path.places_N, path.frame_ids), out, now_s)
+
     def _order(self, order: _Order, out: Outputs, now_s: float) -> None:
         """Take an order, in whatever frame; one that cannot be placed is refused.
 
@@ -476,7 +498,7 @@ class Vessel:
             except FrameError as error:
                 self._tell(out, now_s, GOAL_FRAME.at(self.stamp_ns, str(error)))
                 return
-            why = self._why_not(places_N[:1] if order.kind == "hold" else places_N)
+            why = self._why_not(self._to_be_free(order.kind, places_N))
             if why:
                 self._tell(out, now_s, GOAL_FORBIDDEN.at(self.stamp_ns, f"not taken: {why}"))
                 return
@@ -485,6 +507,8 @@ class Vessel:
             self._tell(out, now_s, mission.set_route(places_N, stamp_ns))
         elif order.kind == "hold":
             self._tell(out, now_s, mission.set_station(_station(places_N, stamp_ns)))
+        elif order.kind == "berth":
+            self._tell(out, now_s, mission.set_berth(Berth(stamp_ns=stamp_ns, face_N=places_N)))
         else:
             goal = Goal(stamp_ns=stamp_ns, position_N=places_N[0])
             self._tell(out, now_s, mission.set_goal(goal))
@@ -586,6 +610,18 @@ class Vessel:
         north, east = odometry.position_N[:2].tolist()
         where = f"north {north:.1f} m, east {east:.1f} m"
         self._tell(out, now_s, kind.at(self.stamp_ns, f"{where}: {why}" if why else where))
+
+    def _to_be_free(self, kind: str, places_N: Float64) -> Float64:
+        """Give the places, (K, 2) [m] [N], of an order at which the boat has to be able to be."""
+        if kind == "hold":
+            return places_N[:1]  # the second says where the bow is to point
+        keeper, odometry = self.pipeline.keeper, self.inputs.newest
+        if kind != "berth":
+            return places_N
+        if keeper is None or odometry is None:
+            return places_N[:0]  # its ends lie on the water's edge
+        berth = Berth(stamp_ns=0, face_N=places_N)
+        return Berthing(keeper, berth, odometry.position_N[:2]).line_up_N.reshape(1, 2)
 
     def _why_not(self, places_N: Float64) -> str:
         """Say which of some places, (K, 2) [m] [N], is forbidden and why; empty if none is."""

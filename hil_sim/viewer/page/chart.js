@@ -9,6 +9,8 @@ import {
   drawGoal,
   drawGrid,
   drawObjects,
+  drawRegion,
+  drawRoute,
   drawScaleBar,
   drawScene,
   drawTarget,
@@ -139,6 +141,12 @@ export class Chart {
     const labels = new Labels(pen, camera, this.canvas);
     const zones = []; // what they are called, to be written when the boats' names stand
     drawScene(pen, camera, scene);
+    if (!scene.regions.length) {
+      // Without a scenario: what the vessel knows that is looked at, or else the first that has a chart.
+      const { charts } = model.greeting;
+      const known = followed ? charts[followed.name] : Object.values(charts).find((chart) => chart.length);
+      for (const region of known ?? []) drawRegion(pen, camera, region);
+    }
     this.#eachVessel(pen, (vessel, colour) => this.#drawBelow(pen, zones, vessel, colour));
     for (const vessel of model.vessels) {
       drawVessel(pen, camera, vessel, hull, vesselColour(model.index(vessel.name)));
@@ -165,6 +173,7 @@ export class Chart {
     if (shown.zones && (isFollowed || !model.followed)) {
       drawZones(pen, camera, zones, vessel, model.greeting.zones, isFollowed);
     }
+    if (shown.goals) drawRoute(pen, camera, vessel, colour);
     if (shown.goals) drawGoal(pen, camera, vessel, model.greeting.goal_radius_m, colour);
     if (shown.objects && detailed) drawObjects(pen, camera, vessel, colour);
     if (shown.tracks) drawTracks(pen, camera, vessel, colour, detailed);

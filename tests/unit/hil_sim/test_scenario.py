@@ -150,7 +150,7 @@ def test_a_random_scenario_with_quays_is_never_refused_and_leaves_long_hulls_roo
 
 
 def test_an_unknown_name_lists_the_names() -> None:
-    with pytest.raises(ConfigError, match="'crossing', 'head_on', 'overtaking', 'passage'"):
+    with pytest.raises(ConfigError, match="'harbour', 'head_on', 'overtaking', 'passage'"):
         load_scenario("nowhere")
 
 

@@ -13,7 +13,8 @@ ROOT = Path(__file__).parents[3]
 
 
 def test_the_core_takes_in_what_decides_a_run():
-    always = {"points", "odometry", "goal", "route", "hold", "engagement", "fallback", "chart"}
+    always = {"points", "odometry", "goal", "route", "hold", "berth"}
+    always |= {"engagement", "fallback", "chart"}
     assert set(CORE_INPUTS) == always | {"nmea", "radar"}
 
 
@@ -87,5 +88,5 @@ def test_a_runtime_listens_to_what_the_table_says(source):
     told = {"bus": {"odometry"}, "gps_imu": {"gps", "imu"}, "autopilot": set()}[source]
     assert (
         set(inputs_of(RuntimeConfig(odometry_source=source)))
-        == {"points", "goal", "route", "hold"} | told
+        == {"points", "goal", "route", "hold", "berth"} | told
     )

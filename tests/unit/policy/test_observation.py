@@ -186,3 +186,14 @@ def test_a_policy_that_takes_no_contour_sees_what_it_saw_without_a_chart():
     assert with_chart.contour is None
     assert np.array_equal(with_chart.objects, without.objects)
     assert np.array_equal(with_chart.ego, without.ego)
+
+
+def test_a_learnt_wall_is_an_edge_of_the_contour_beside_the_maps():
+    wall = np.array([[[-50.0, 28.0], [60.0, 28.0]]])  # 8 m to starboard
+    shown = (odometry(), goal(), tracks(()), np.zeros(2), DEFAULTS, EDGES)
+    alone = observe(*shown, None, wall).contour
+    assert alone[8] == pytest.approx(8.0)
+    assert alone[24] == 40.0
+    both = observe(*shown, StaticMap.of([QUAY]), wall).contour
+    assert both[8] <= 8.0 + 1e-6
+    assert (both <= observe(*shown, StaticMap.of([QUAY])).contour).all()

@@ -131,11 +131,15 @@ def sentences(k: int, p_N, v_N=(0.0, -4.0)):
         yield cdr.encode_sentence(Sentence(stamp_ns=START_NS + k * SCAN_NS, text=text))
 
 
-def sail(config, messages, scans=40):
-    """Give the vessel odometry, what `messages` gives for a step, and a scan; and what came."""
+def sail(config, messages, scans=40, blind=range(0)):
+    """Give the vessel odometry, what `messages` gives for a step, and a scan; and what came.
+
+    In the steps `blind` there is no scan.
+    """
     vessel, outs = make_vessel(config), []
     for k in range(scans):
-        for topic, payload in (("odometry", odometry(k)), *messages(k), ("points", scan(k))):
+        seen = [] if k in blind else [("points", scan(k))]
+        for topic, payload in (("odometry", odometry(k)), *messages(k), *seen):
             outs.append(vessel.handle(Received(topic, payload, 0), 0.1 * k))
     return vessel, outs
 
@@ -174,6 +178,40 @@ def test_ais_reaches_decision_alarm_and_targets():
     assert "257123450" in alarm.detail
     targets = [out.targets for out in outs if out.targets is not None]
     assert targets[-1].name == ("257123450",)
+
+
+@pytest.mark.parametrize("first_blind", [0, 30])
+def test_a_ship_is_announced_though_the_lidar_sends_nothing(first_blind):
+    config = RuntimeConfig(senses=SensesSettings(ais=AisSettings(datum=DATUM)))
+
+    def messages(k):
+        p_N = (100.0, 360.0 - 0.4 * k)
+        return [("nmea", payload) for payload in sentences(k, p_N)] if k % 50 == 0 else []
+
+    _, outs = sail(config, messages, 130, blind=range(first_blind, 130))
+    events = [event for out in outs for event in out.events]
+    (alarm,) = [event for event in events if event.name == "collision_course"]
+    assert "257123450" in alarm.detail
+    seconds = (alarm.stamp_ns - START_NS) / 1e9
+    assert seconds < 13.0
+    targets = [out.targets for out in outs if out.targets is not None]
+    assert targets[-1].stamp_ns > START_NS + 11 * 10**9
+    assert targets[-1].name == ("257123450",)
+
+
+def test_scans_that_come_again_find_the_ship_where_it_is():
+    config = RuntimeConfig(senses=SensesSettings(ais=AisSettings(datum=DATUM)))
+
+    def messages(k):
+        p_N = (100.0, 360.0 - 0.4 * k)
+        return [("nmea", payload) for payload in sentences(k, p_N)] if k % 50 == 0 else []
+
+    _, outs = sail(config, messages, 130, blind=range(30, 60))
+    decided = decisions(outs)
+    ships = [d.tracks for d in decided[35:]]
+    assert {tracks.name for tracks in ships} == {("257123450",)}
+    assert len({int(tracks.id[0]) for tracks in ships}) == 1
+    np.testing.assert_allclose(ships[-1].p_N, [(100.0, 360.0 - 0.4 * 129)], atol=2.0)
 
 
 def test_bytes_that_are_no_message_are_an_event_and_nothing_else():

@@ -71,6 +71,54 @@ def test_the_command_prints_frames_and_scores(recording, capsys, monkeypatch):
     assert scores["gospa_rms_m"] < 9.0
 
 
+def test_errors_are_as_large_as_stated_after_the_records_of_each_sensor(recording):
+    records, truth = read_records(recording[0]), read_truth(recording[1])
+    sensors = ["lidar", "radar", "eo"]
+    frames = list(track(records, sensors, autoferry_settings()))
+    nees = scored(records, sensors, frames, truth)["nees"]
+    assert set(nees) == set(sensors)
+    for figures in nees.values():
+        assert figures["in_95_band"] > 0.9
+        assert figures["mean"] < 3.0
+
+
+def test_values_are_chosen_on_the_other_recordings(recording, tmp_path, capsys, monkeypatch):
+    """A value that is best on this recording alone is not the one that it is scored with."""
+    detections, truth = map(str, recording)
+    empty = tmp_path / "empty_detections.json"  # one boat that no sensor has seen
+    entries = json.loads(recording[0].read_text())
+    empty.write_text(json.dumps([{**entry, "measurement": []} for entry in entries]))
+    files = [detections, str(empty), "--truth", truth, "--truth", truth]
+    vary = ["--vary", "tracker.existence.confirm=0.999,1.0", "--sensors", "lidar,radar"]
+    monkeypatch.setattr("sys.argv", ["twinscrew", "track", *files, *vary])
+    monkeypatch.setenv("COLUMNS", "160")
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 0
+    rows = capsys.readouterr().out.splitlines()
+    (unseen,) = [row for row in rows if "empty" in row]
+    assert "20.00" in unseen
+    assert "confirm = 0.999" in unseen
+
+
+@pytest.mark.parametrize(
+    ("vary", "message"),
+    [
+        ("tracker.existence.confirm", "is not KEY=VALUE"),
+        ("tracker.existence.confirm=a", "are no values"),
+        ("tracker.existence.konfirm=0.9", "konfirm"),
+    ],
+)
+def test_what_cannot_be_varied_is_refused(recording, vary, message, capsys, monkeypatch):
+    detections, truth = map(str, recording)
+    files = [detections, detections, "--truth", truth, "--truth", truth]
+    monkeypatch.setattr("sys.argv", ["twinscrew", "track", *files, "--vary", vary])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code != 0
+    assert message in capsys.readouterr().err
+
+
 def test_every_sensor_may_be_left_out(recording):
     records = read_records(recording[0])
     for sensors in (["lidar"], ["radar"], ["lidar", "eo"], ["lidar", "radar", "ir", "eo"]):
@@ -119,6 +167,15 @@ def test_gospa_of_exact_tracks_is_nothing_and_of_none_is_the_cutoff():
     assert math.sqrt(gospa(targets, np.empty((0, 2))).squared_m2) == pytest.approx(20.0)
     one_false = gospa(targets, np.vstack([targets, [[200.0, 0.0]]]))
     assert (one_false.missed, one_false.false, one_false.squared_m2) == (0, 1, 200.0)
+
+
+def test_the_nees_is_the_error_in_standard_deviations_squared():
+    score = TrackScore()
+    for _ in range(3):
+        score.add_nees("radar", [np.zeros(2)], [(np.array([2.0, 0.0]), 4.0 * np.eye(2))])
+    score.add_nees("radar", [np.zeros(2)], [(np.array([0.0, 6.0]), 4.0 * np.eye(2))])
+    score.add_nees("eo", [np.zeros(2)], [(np.array([1.0, 0.0]), np.zeros((2, 2)))])
+    assert score.figures()["nees"] == {"radar": {"mean": 3.0, "in_95_band": 0.75}}
 
 
 places = st.lists(st.tuples(st.floats(-60, 60), st.floats(-60, 60)), max_size=4)

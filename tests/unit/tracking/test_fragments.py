@@ -99,15 +99,18 @@ def test_strips_go_where_their_objects_go():
 
 
 @given(st.integers(0, 6), st.integers(0, 4), st.integers(0, 1 << 20))
-def test_circles_are_crowded_if_one_holds_two(places, circles, seed):
+def test_circles_that_hold_two_or_more_tell_which(places, circles, seed):
     rng = np.random.default_rng(seed)
     p, centres, radii = (
         rng.normal(size=(places, 2)),
         rng.normal(size=(circles, 2)),
         rng.random(circles),
     )
-    within = [sum(math.dist(p_i, c) <= r for p_i in p) for c, r in zip(centres, radii, strict=True)]
-    assert crowded(p, centres, radii) == (max(within, default=0) > 1)
+    within = [
+        [i for i, p_i in enumerate(p) if math.dist(p_i, c) <= r]
+        for c, r in zip(centres, radii, strict=True)
+    ]
+    assert crowded(p, centres, radii) == [members for members in within if len(members) > 1]
 
 
 def test_every_circle_needs_a_radius():

@@ -233,6 +233,40 @@ def test_land_is_reported_only_if_it_moves():
     assert np.hypot(*(track.x[:2] - [10.0, 40.0])) < 3.0
 
 
+@pytest.mark.parametrize(("crowd", "shown"), [(1, True), (40, False)])
+def test_a_bearing_tells_a_boat_from_land_unless_bearings_are_everywhere(crowd, shown):
+    land = {"sees_land": True, "detection": [0.9, 0.9], "range_m": [0.0, 300.0], "clutter": 1e-6}
+    camera_table = {
+        "measures": "bearing",
+        "detection": [0.8, 0.8],
+        "range_m": [0.0, 300.0],
+        "clutter": 0.3,
+        "clutter_memory_s": 20.0,
+    }
+    sources = {"sources": {"radar": land, "camera": camera_table}}
+    fusion, rng = Tracker(convert(sources | PLAIN, TrackerSettings)), np.random.default_rng(5)
+    moored = np.array([90.0, -20.0])
+    towards = np.arctan2(moored[1], moored[0])
+    for t in range(40):
+        angles = [towards + rng.normal(0, 0.005), *rng.uniform(-np.pi, np.pi, crowd - 1)]
+        fusion.take(camera(angles, t - 0.5))
+        fusion.take(radar([moored + rng.normal(0, 0.5, 2)], t))
+    assert bool(reported(fusion, 39)) == shown
+
+
+def test_a_new_track_is_reported_no_longer_once_it_is_missed():
+    """What a radar sees some times and then no more was a wave; an old track is given time."""
+    for hits, shown in ((8, False), (25, True)):
+        existence = {"report_new": 0.9, "report": 0.2}
+        fusion, rng = Tracker(settings(existence=existence)), np.random.default_rng(6)
+        for t in range(hits):
+            fusion.take(radar([sail(t) + rng.normal(0, 0.7, 2)], t))
+        assert reported(fusion, hits - 1)
+        for t in range(hits, hits + 3):
+            fusion.take(radar([], t))
+        assert bool(reported(fusion, hits + 2)) == shown
+
+
 def test_a_vessel_and_what_it_tows_are_one():
     tables = {"vessel": {"length_m": 24.0}}
     fusion, rng = Tracker(settings(**tables)), np.random.default_rng(4)

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twinscrew.runtime._native import association_marginals, pair_fits
+from twinscrew.runtime._native import association_marginals, mixtures, pair_fits, shadowed
+from twinscrew.runtime.tracking.kalman import STATES, FilterBank
 
 weights = st.lists(st.floats(0.01, 100.0), min_size=1, max_size=5)
 
@@ -92,3 +93,53 @@ def test_the_noise_of_a_bearing_grows_with_the_range():
     np.testing.assert_allclose(
         distance2[:, 0], 9.0 / (0.01 * (x[:, :2] ** 2).sum(axis=1)), rtol=1e-2
     )
+
+
+def mixed_one_by_one(x, P, z, H, R, R_rad2, origin, shares):
+    """The mixtures, by filterpy's filter and in plain numpy."""
+    bank, means, spreads = FilterBank(), [], []
+    for k in range(len(x)):
+        parts = [(1.0 - shares[k].sum(), x[k], P[k])]
+        grown = R_rad2 * ((x[k, :2] - origin) ** 2).sum()
+        for m in np.flatnonzero(shares[k]):
+            noise = R[m] + grown[m] * np.eye(len(z[m]))
+            found = bank.update(x[k][None], P[k][None], z[m][None], H[m][None], noise[None])
+            parts.append((shares[k, m], found[0][0], found[1][0]))
+        mean = sum(w * x_part for w, x_part, _ in parts)
+        means.append(mean)
+        spreads.append(
+            sum(
+                w * (P_part + np.outer(x_part - mean, x_part - mean)) for w, x_part, P_part in parts
+            )
+        )
+    return np.array(means), np.array(spreads)
+
+
+@given(st.integers(0, 10_000), st.integers(1, 4), st.integers(1, 4), st.sampled_from([1, 2]))
+def test_a_mixture_has_the_mean_and_the_covariance_of_its_parts(seed, tracks, detections, d):
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((tracks, 6, 6))
+    P, x = root @ root.transpose(0, 2, 1) + np.eye(6), rng.standard_normal((tracks, 6))
+    z, H = rng.standard_normal((detections, d)), rng.standard_normal((detections, d, 6))
+    noise = rng.standard_normal((detections, d, d))
+    R, R_rad2 = noise @ noise.transpose(0, 2, 1) + np.eye(d), rng.random(detections)
+    shares = rng.dirichlet(np.ones(detections + 1), tracks)[:, 1:]
+    shares[rng.random(shares.shape) < 0.3] = 0.0
+    look = z, H, R, R_rad2, (3.0, -2.0), shares
+    found = mixtures(x, P, *look)
+    mean, spread = mixed_one_by_one(x, P, *look)
+    np.testing.assert_allclose(found[:, :STATES], mean, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(found[:, STATES:].reshape(-1, 6, 6), spread, rtol=1e-8, atol=1e-10)
+
+
+@given(st.integers(0, 10_000), st.integers(0, 6))
+def test_what_lies_behind_something_that_hides_is_in_its_shadow(seed, count):
+    rng = np.random.default_rng(seed)
+    offsets, hides = rng.normal(0.0, 30.0, (count, 2)), rng.random(count) < 0.6
+    distance, bearing = np.hypot(*offsets.T), np.arctan2(offsets[:, 1], offsets[:, 0])
+    expected = []
+    for k in range(count):
+        turn = bearing - bearing[k]
+        behind = hides & (distance[k] > distance + 3.0) & (np.cos(turn) > 0.0)
+        expected.append(bool((behind & (np.abs(np.sin(turn)) * distance < 10.0)).any()))
+    assert shadowed(offsets, hides, 10.0).tolist() == expected

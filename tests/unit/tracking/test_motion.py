@@ -5,14 +5,25 @@ import math
 import numpy as np
 import pytest
 
-from twinscrew.runtime.tracking.kalman import bias_noise, motion_noise, slide_noise, transition
+from twinscrew.runtime.tracking.kalman import (
+    add_bias_noise,
+    add_slide_noise,
+    motion_noise,
+    transition,
+)
 
 BIAS = np.array([[0.04, 0.09]])
 """[m2] Along and across."""
 
 
+def bias_noise(dt):
+    Q = np.zeros((1, 6, 6))
+    add_bias_noise(Q, dt, 2.0, BIAS)
+    return Q[0]
+
+
 def noise(dt):
-    return motion_noise(dt, 0.7) + bias_noise(dt, 2.0, BIAS)[0]
+    return motion_noise(dt, 0.7) + bias_noise(dt)
 
 
 def test_a_velocity_moves_the_position_and_nothing_else():
@@ -34,7 +45,7 @@ def test_two_short_steps_are_one_long_step():
 
 def test_the_bias_keeps_its_variance():
     F, P = transition(0.4, 2.0), np.diag([0, 0, 0, 0, 0.04, 0.09])
-    assert (F @ P @ F.T + bias_noise(0.4, 2.0, BIAS)[0])[4:, 4:] == pytest.approx(P[4:, 4:])
+    assert (F @ P @ F.T + bias_noise(0.4))[4:, 4:] == pytest.approx(P[4:, 4:])
 
 
 def test_no_time_brings_no_noise():
@@ -48,10 +59,7 @@ def test_the_noise_is_a_covariance():
 
 
 def test_what_slides_may_be_elsewhere_and_nothing_else():
-    Q = slide_noise(0.5, np.array([0.0, 3.0]))
+    Q = np.zeros((2, 6, 6))
+    add_slide_noise(Q, 0.5, np.array([0.0, 3.0]))
     assert not Q[0].any()
     assert np.array_equal(Q[1], np.diag([2.25, 2.25, 0.0, 0.0, 0.0, 0.0]))
-
-
-def test_no_track_slides_nowhere():
-    assert slide_noise(0.1, np.empty(0)).shape == (0, 6, 6)

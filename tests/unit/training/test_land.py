@@ -127,6 +127,7 @@ def test_no_edge_lies_between_a_vessel_on_its_way_and_the_goal_that_is_shown() -
     for point in range(WAY_POINTS):
         state.position[:] = land.way[..., point]
         for _ in range(2):  # it is looked for at every other decision
+            state.active[:] = True
             state.take_aim(every)
         sight = land.shown - state.position
         start = (land.start[:, None] - state.position[..., None]) / sight[..., None]
@@ -149,6 +150,7 @@ def test_the_way_that_is_left_falls_to_nothing_along_it() -> None:
     for point in range(WAY_POINTS):
         state.position[:] = land.way[..., point]
         for _ in range(2):
+            state.active[:] = True
             state.take_aim(every)
         # The points of a way are some metres apart: what is shown may cut, or add, one such piece.
         piece = whole / (WAY_POINTS - 1)

@@ -23,6 +23,28 @@ from twinscrew.hil_sim.viewer.scene import (
 from twinscrew.runtime.errors import RecordingError
 
 
+@pytest.mark.parametrize(
+    ("name", "kinds", "has_flow"),
+    [
+        ("harbour:mixed", {"land", "keep_out"}, False),
+        ("fences", {"fence", "keep_out"}, False),
+        ("current:0.5", set(), True),
+    ],
+)
+def test_a_scene_tells_what_is_fixed_and_how_the_water_flows(name, kinds, has_flow, tmp_path):
+    scenario = load_scenario(name, seed=4)
+    write_scene(tmp_path, scenario)
+    scene = read_scene(tmp_path)
+    assert {region.kind for region in scene.regions} <= kinds
+    assert bool(scene.regions) == bool(kinds)
+    assert len(scene.piles) == len(scenario.piles)
+    assert [region.keep_in for region in scene.regions].count(True) == (name == "fences")
+    assert bool(scene.flow) == has_flow
+    for north, east, v_north, v_east in scene.flow:
+        there = scenario.current.velocity(np.array([(north, east)]))[0]
+        assert there == pytest.approx((v_north, v_east))
+
+
 @pytest.mark.parametrize("name", ["random", "passage", "crossing"])
 def test_a_scene_comes_back_as_it_was_written(name, tmp_path):
     scenario = load_scenario(name, buoys=3 if name == "random" else None, seed=4)

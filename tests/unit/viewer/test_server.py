@@ -172,6 +172,9 @@ class Live:
     def trails(self):
         return self._source.trails()
 
+    def charts(self):
+        return self._source.charts()
+
     def series(self):
         return self._source.series()
 

@@ -10,11 +10,14 @@ from twinscrew.hil_sim.viewer.vessel import (
     FRESH_S,
     MOST_EVENTS,
     NEW_EVENTS,
+    ROUTE_S,
     SHOWN,
     Series,
     Vessel,
 )
 from twinscrew.hil_sim.viewer.wire import SERIES
+from twinscrew.runtime.charts.chart import as_message
+from twinscrew.runtime.charts.static_map import Area, Disc, StaticMap
 from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.messages import cdr
 from twinscrew.runtime.messages.topics import TOPICS
@@ -116,6 +119,31 @@ def test_place_heading_and_velocity_are_in_frame_n(vessel):
     vessel.take("odometry", odometry(heading=np.pi / 2, surge=2.0), 0.0)
     assert view(vessel)["pose"] == pytest.approx([10.0, 20.0, np.pi / 2], abs=1e-3)
     assert view(vessel)["velocity"] == pytest.approx([0.0, 2.0], abs=0.01)
+
+
+def test_its_chart_is_what_the_topic_says_last(vessel):
+    mole = Area(kind="land", outline=np.array([(0.0, 0.0), (9.0, 0.0), (9.0, 5.0)]), name="Mole")
+    rock = Disc(kind="hazard", centre=(30.0, 30.0), radius_m=2.0)
+    for features in ((mole,), (mole, rock)):
+        chart = as_message(StaticMap.of(features), S)
+        vessel.take("chart", cdr.encode_chart(chart), 0.0)
+        assert len(vessel.chart) == len(features)
+    assert {(region.kind, region.name) for region in vessel.chart} == {
+        ("land", "Mole"),
+        ("hazard", ""),
+    }
+    assert vessel.charts == 2
+    vessel.take("chart", b"no chart", 0.0)
+    assert vessel.refused == 1
+    assert len(vessel.chart) == 2
+
+
+def test_its_route_is_shown_while_it_is_fresh(vessel):
+    vessel.take("odometry", odometry(), 0.0)
+    places = np.array([(10.0, 20.0), (15.0, 25.0), (30.0, 25.0)])
+    vessel.take("planned_route", cdr.encode_path(places, stamp_ns=S, frame_id="map"), 0.0)
+    assert view(vessel, 1.0)["route"] == places.tolist()
+    assert view(vessel, 1.0 + ROUTE_S)["route"] == []
 
 
 def test_the_goal_is_where_the_topic_says_or_else_where_the_policy_was_told_it_is(vessel):

@@ -276,3 +276,15 @@ def test_goals_buoys_and_the_zones_of_vessels_under_way_are_drawn_twice_a_second
         made = replace(decide(), tracks=replace(tracks, stamp_ns=k * 100_000_000))
         publisher.publish(outputs(decision=made, goals_N=goals_N))
     assert [topic for topic, *_ in book.pages].count("situation") == 3
+
+
+def test_the_chart_is_published_again_for_who_comes_late_and_recorded_once() -> None:
+    bus, heard, book, now = MemoryBus("wamv"), [], Book(), [0]
+    bus.subscribe("chart", heard.append)
+    publisher = Publisher(bus, book, clock_ns=lambda: now[0])
+    publisher.publish(outputs(messages=[Taken("chart", b"a map", made_here=True)]))
+    for second in range(1, 13):
+        now[0] = second * 1_000_000_000
+        publisher.state("READY", now[0])
+    assert [message.payload for message in heard] == [b"a map"] * 3
+    assert [topic for topic, *_ in book.pages].count("chart") == 1
