@@ -91,7 +91,8 @@ def _reach(sensor: Sensor, rng: Generator) -> dict[str, dict[str, float]]:
 def _is_seen(perception: Perception, lidar: Lidar, distance: float, rng: Generator) -> bool:
     bearing, yaw = rng.uniform(-np.pi, np.pi, 2)
     place = distance * np.array([np.cos(bearing), np.sin(bearing)])
-    q_NB = quaternion_from_euler(*rng.normal(0.0, TILT, 2), 0.0)
+    roll, pitch = rng.normal(0.0, TILT, 2).tolist()
+    q_NB = quaternion_from_euler(roll, pitch, 0.0)
     other = quaternion_from_euler(0.0, 0.0, yaw)
     bodies = Bodies(
         shape=np.array([0, 1], dtype=np.int32),
