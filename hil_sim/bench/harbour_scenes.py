@@ -65,11 +65,11 @@ def passage(rng: Generator) -> list[Body]:
     bodies = [Body(vessel_shape(load_vessel()), np.zeros(2), 0.0, speed, tilts=True)]
     height = rng.uniform(0.8, 2.5)
     beside = np.array([rng.uniform(-10.0, 10.0), rng.uniform(7.0, 13.0) + 2.0])
-    bodies.append(Body(_quay(rng.uniform(15.0, 60.0), height), beside, rng.normal(0.0, 0.05)))
+    bodies.append(Body(make_quay(rng.uniform(15.0, 60.0), height), beside, rng.normal(0.0, 0.05)))
     if rng.uniform() < 0.5:
         across = rng.uniform(10.0, 30.0)  # to starboard: the ship passes to port of it
         ahead = np.array([speed * PASSAGE_S / 2 + rng.uniform(8.0, 12.0), across / 2 - 3.0])
-        bodies.append(Body(_quay(across, height), ahead, np.pi / 2))
+        bodies.append(Body(make_quay(across, height), ahead, np.pi / 2))
     length = rng.uniform(8.0, 25.0)
     beam = length * rng.uniform(0.2, 0.3)
     abeam = np.array([0.0, -(beam / 2 + rng.uniform(5.0, 9.0))])
@@ -81,7 +81,7 @@ def passage(rng: Generator) -> list[Body]:
     return bodies
 
 
-def _quay(length: float, height: float) -> Shape:
+def make_quay(length: float, height: float) -> Shape:
     """Give a quay 4 m wide along x; its top is so far [m] over the water."""
     size = np.array([[length, 4.0, height + 1.0]])
     return boxes_shape(np.array([[0.0, 0.0, (1.0 - height) / 2]]), size, np.zeros(1))

@@ -84,19 +84,48 @@ def _usual_step(elevations: Float64) -> float:
 NO_SEGMENTS = np.empty((0, 4))
 
 
+SLIDING_M = 12.0
+"""[m] The visible part of what is so long may slide along it."""
+FAR_M = 25.0
+"""[m] Farther off rows are too far apart to tell by free water that a vessel moves."""
+HIDES_M = 0.5
+"""[m] What is nearer by this much, and beside it, hides a part of it."""
 AtRest = bool | Literal["unknown"] | None
 """Of a piece of a long object, whether that lies at rest (`lidar_motion.LongObjects.at_rest`), or
 that this is unknown; None for what is no piece."""
 
 
 def told(objects: Objects, at_rest: Sequence[bool | None]) -> Sequence[AtRest]:
-    """Tell pieces of which nothing is known from what is no piece of a long object."""
-    if objects.outline is None:
+    """Tell pieces of which nothing is known from what is no piece of a long object.
+
+    What is not so long, and hidden by nothing at its ends, is followed as any vessel is. So it is
+    where rows are too far apart to see free water under its side, though it seemed to rest.
+    """
+    outline = objects.outline
+    if outline is None:
         return at_rest
-    cut_from = objects.outline.cut_from.tolist()
+    pairs = list(zip(at_rest, outline.cut_from.tolist(), strict=True))
+    doubtful = {number for rests, number in pairs if rests is not False and number >= 0}
+    if not doubtful:
+        return at_rest
+    away = np.hypot(*(outline.boundary_L - outline.sensor_L[:2]).T)
+    is_echo, sliding, far = np.isfinite(outline.height_m), set(), set()
+    for number in doubtful:
+        mine = np.flatnonzero(outline.seen == number)
+        if not len(mine):
+            continue
+        beside = np.setdiff1d(np.concatenate([mine - 1, mine + 1]) % len(away), mine)
+        hides = is_echo[beside] & (away[beside] < away[mine].min() - HIDES_M)
+        size = float(np.hypot(*np.ptp(outline.boundary_L[mine], axis=0)))
+        if size >= SLIDING_M or bool(hides.any()):
+            sliding.add(number)
+        elif float(away[mine].min()) > FAR_M:
+            far.add(number)
     return [
-        "unknown" if rests is None and number >= 0 else rests
-        for rests, number in zip(at_rest, cut_from, strict=True)
+        "unknown"
+        if rests is None and number in sliding
+        else (None if rests is True and number in far else rests)
+        for rests, number in pairs
     ]
 
 

@@ -66,6 +66,36 @@ def test_fewer_than_twenty_echoes_are_no_object() -> None:
     assert len(perception.step(cloud(points_S[:20]), LEVEL).radius) == 1
 
 
+@pytest.mark.parametrize(
+    ("away_m", "echoes", "seen"),
+    [
+        (20.0, 19, False),
+        (20.0, 20, True),
+        (35.0, 7, False),
+        (35.0, 9, True),
+        (58.0, 5, False),
+        (58.0, 6, True),
+    ],
+)
+def test_far_objects_need_as_many_fewer_echoes_as_their_angle_is_smaller(
+    away_m: float, echoes: int, seen: bool
+) -> None:
+    """20 echoes up to 22 m; then 20 (22 m / distance)^2, but never fewer than 6."""
+    s = sensor()
+    points_S = post(s, 0.43 + away_m, 0.0, radius=1.2)
+    rows = np.round(np.arcsin(points_S[:, 2] / np.linalg.norm(points_S, axis=1)) / 0.005)
+    row = points_S[rows == np.unique(rows)[0]]
+    middle = row[np.argsort(abs(row[:, 1]))]
+    kept = [middle[k] for k in range(len(middle)) if k < echoes]
+    if len(kept) < echoes:  # the rows above see the same columns
+        others = points_S[rows != np.unique(rows)[0]]
+        near = others[np.argsort(abs(others[:, 1]))]
+        kept += list(near[: echoes - len(kept)])
+    objects = Perception(s).step(cloud(np.array(kept)), LEVEL)
+    assert (len(objects.radius) == 1) is seen
+    assert not seen or objects.points[0] == echoes
+
+
 def test_a_quay_becomes_circles_that_cover_its_face_and_hold_no_own_hull() -> None:
     points_S = wall(sensor(), 3.0)
     objects = Perception(sensor()).step(cloud(points_S), LEVEL)
