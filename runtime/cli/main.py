@@ -47,6 +47,8 @@ SUMMARIES = {
     "evaluate": "Score a policy in the training environment.",
     "experiment": "Sail the paper's experiments: many episodes, several methods.",
     "report": "Turn an experiment's results into tables and figures.",
+    "judge": "Judge how vessels kept the rules of the road, by two judges, and draw it.",
+    "falsify": "Search for motions of another vessel that the assurance does not keep clear of.",
     "replay": "Feed a recording to the core again and print the decisions' SHA-256.",
     "perceive": "Segment one point cloud file and print its objects.",
     "track": "Track recorded detections of several sensors, and score the tracks.",

@@ -220,7 +220,7 @@ def test_each_input_is_one_certificates_to_give_and_no_output_is_anybodys(topic,
         for name, granted in rules().items()
         if any(zenoh.KeyExpr(one).includes(expr) for one in granted)
     }
-    commands = {name: {"operator"} for name in ("goal", "route", "enable")}
+    commands = {name: {"operator"} for name in ("goal", "route", "hold", "berth", "enable")}
     expected = commands.get(topic.name, {"sensors"}) if topic.direction is Direction.IN else set()
     assert may == expected
 

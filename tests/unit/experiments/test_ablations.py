@@ -49,7 +49,7 @@ def test_a_base_holds_in_every_variant_and_is_not_switched_off_twice() -> None:
 def test_gap_stands_for_all_that_training_does_not_have() -> None:
     switches = parse_ablations("gap")
     assert {"ideal_tracking", "no_waves", "training_vessel", "vanish"} < set(switches)
-    assert set(switches) == set(ABLATIONS) - {"goal_4m", "as_vrx"}
+    assert set(switches) == set(ABLATIONS) - {"goal_4m", "as_vrx", "no_chart"}
     assert parse_ablations("no_wind,gap").count("no_wind") == 1
 
 
