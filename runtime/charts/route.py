@@ -103,9 +103,10 @@ class Route:
         return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
 
+SHUT_IN: Final = "the vessel is shut in"
 _ENDS: Final = (
     "",
-    "the vessel is shut in",
+    SHUT_IN,
     "the goal is shut in",
     "no way leads to the goal",
 )
@@ -298,6 +299,7 @@ class Guidance:
         self._drift_N = np.zeros(2)
         self._walls: Float64 = NO_WALLS
         self._searched_ns = 0
+        self._searched_N = np.zeros(2)
         self._at_leg = 0
 
     @property
@@ -380,6 +382,7 @@ class Guidance:
             self._map, self._walls = static_map, walls
             self._router = Router(self.settings, static_map, walls)
         self._goal_N, self._drift_N, self._searched_ns = _pair(goal_N), drift_N, stamp_ns
+        self._searched_N = place_N.copy()
         self.route = self._router.route(place_N, goal_N, drift_N)
         places = self.route.places_N
         self._legs, self._at_leg = np.stack([places[:-1], places[1:]], axis=1), 0
@@ -390,8 +393,11 @@ class Guidance:
     def _is_outdated(self, place_N: Float64, walls: Float64, drift_N: Float64) -> bool:
         """Tell whether the route is to be found anew."""
         settings = self.settings
-        if self.route is None or self.route.reason:
+        if self.route is None or self.route.reason == SHUT_IN:
             return True
+        if self.route.reason:  # to find that out takes longest, and would give the same again
+            moved_m = float(np.hypot(*(place_N - self._searched_N)))
+            return walls is not self._walls or moved_m > settings.clearance_m
         if not self._router.covers(place_N):
             return True
         if float(np.hypot(*(drift_N - self._drift_N))) > settings.drift_change_mps:

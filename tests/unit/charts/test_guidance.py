@@ -109,6 +109,20 @@ def test_where_nothing_leads_there_it_says_so_once_for_each_goal_and_looks_again
     assert found.place_N is not None
 
 
+def test_what_nothing_leads_to_is_looked_for_again_only_where_the_answer_may_differ() -> None:
+    shut = Area(kind="land", outline=np.array(box(40, 70)), holes=(np.array(box(45, 65)),))
+    guidance, chart, goal_N = Guidance(), StaticMap.of([shut]), np.array([55.0, 55.0])
+    assert guidance.step(0, HERE, goal_N, chart).trouble
+    first = guidance.route
+    guidance.step(5 * S, HERE + 1.0, goal_N, chart, drift_N=np.array([0.5, 0.0]))
+    assert guidance.route is first
+    guidance.step(10 * S, HERE - 9.0, goal_N, chart)
+    assert guidance.route is not first
+    second, walls = guidance.route, np.array([[[0.0, 90.0], [1.0, 90.0]]])
+    guidance.step(15 * S, HERE - 9.0, goal_N, chart, walls)
+    assert guidance.route is not second
+
+
 def test_a_boat_that_lies_where_it_may_not_be_steers_out_and_not_across() -> None:
     guidance = Guidance()
     inside = np.array([20.8, 0.0])
