@@ -140,6 +140,14 @@ def test_what_forbids_nothing_is_counted():
     assert (len(found.features), found.ignored, found.far) == (1, {"M_COVR": 2}, 1)
 
 
+def test_a_number_that_no_float_holds_is_refused_by_name():
+    land = feature("Polygon", [ring(SQUARE)], twinscrew="land")
+    place = feature("Point", [10.0, 10**400], twinscrew="hazard")
+    assert "features[2].geometry.coordinates" in refusal(collection(land, place))
+    rock = feature("Point", lon_lat(0, 0), twinscrew="hazard", radius_m=10**400)
+    assert "features[1].properties.radius_m" in refusal(collection(rock))
+
+
 BOW_TIE = [(0.0, 0.0), (10.0, 10.0), (10.0, 0.0), (0.0, 10.0)]
 
 
