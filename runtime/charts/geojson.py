@@ -296,8 +296,14 @@ class _Reader:
                     depth_m=depth_m,
                     name=name,
                 )
-            if _is_far(feature):
+            if _is_far(feature) and not keep_in:
                 self.far += 1
+            elif isinstance(feature, Area) and np.abs(feature.outline).max() > FARTHEST_M:
+                raise self._refuse(
+                    f"it comes near, and has places more than {FARTHEST_M / 1e3:g} km away: cut it "
+                    "to the water around autopilot.datum",
+                    "geometry.coordinates",
+                )
             else:
                 yield feature
 
@@ -479,7 +485,7 @@ def _is_far(feature: Feature) -> bool:
         return math.hypot(*feature.centre) - feature.radius_m > FAR_M
     low, high = feature.outline.min(axis=0), feature.outline.max(axis=0)
     nearest = np.clip(0.0, low, high)
-    return bool(np.hypot(*nearest) > FAR_M or np.abs(feature.outline).max() > FARTHEST_M)
+    return bool(np.hypot(*nearest) > FAR_M)
 
 
 def _listed(value: object) -> list[str]:
