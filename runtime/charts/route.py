@@ -36,6 +36,8 @@ WHOLE_M: Final = 1500.0
 """[m] A map that is no larger is searched as a whole; of a larger one a part first."""
 MOST_CELLS: Final = 400_000
 """[-] With more, cells are made twice as large: 80 MB are never exceeded."""
+MOST_WINDOWS: Final = 64
+"""[-] So many parts of a map are remembered for which cells had to be larger."""
 SAMPLES: Final = 24
 """[-] So many places of the route ahead are looked at for the one to steer for."""
 SIGHT_SHARE: Final = 0.9
@@ -139,7 +141,7 @@ class Router:
         places = np.concatenate([self.static_map.edges.reshape(-1, 2), walls.reshape(-1, 2)])
         self._low = places.min(axis=0, initial=np.inf)
         self._high = places.max(axis=0, initial=-np.inf)
-        self._finest_m = FINEST_SHARE * self.settings.least_clearance_m
+        self._finest_m: dict[tuple[float, float, float], float] = {}
         self._planner: RoutePlanner | None = None
         self._window: tuple[float, float, float] | None = None
 
@@ -216,14 +218,19 @@ class Router:
         drift: tuple[float, float],
     ) -> tuple[int, Float64, float]:
         """Search a part of the map; its cells grow until there are not too many."""
+        finest_m = FINEST_SHARE * self.settings.least_clearance_m
+        finest_m = self._finest_m.get(window, finest_m)
         if window != self._window or self._planner is None:
-            self._window, self._planner = window, self._divided(window, self._finest_m)
+            self._window, self._planner = window, self._divided(window, finest_m)
         while True:
             end, places_N, cost_m, _ = self._planner.find(start, goal, drift)
             if end < len(_ENDS):
                 return end, places_N, cost_m
-            self._finest_m *= 2.0
-            self._planner = self._divided(window, self._finest_m)
+            finest_m *= 2.0
+            if len(self._finest_m) >= MOST_WINDOWS:
+                self._finest_m.clear()
+            self._finest_m[window] = finest_m
+            self._planner = self._divided(window, finest_m)
 
     def _divided(self, window: tuple[float, float, float], finest_m: float) -> RoutePlanner:
         """Make a planner for a part of the map, with cells of this size [m] at least."""
