@@ -184,6 +184,14 @@ def _count(geometry: object) -> int:
     return places
 
 
+def _float(value: float) -> float:
+    """Give a number of JSON, which has integers that are too large, as one that can be checked."""
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
 def _places(geometry: object) -> Iterator[tuple[float, float]]:
     """Give latitude and longitude of every place of a geometry that is one."""
     pending = [geometry.get("coordinates")] if isinstance(geometry, dict) else []
@@ -193,7 +201,7 @@ def _places(geometry: object) -> Iterator[tuple[float, float]]:
             if isinstance(value[0], list):
                 pending += value
             elif len(value) >= 2 and all(isinstance(v, int | float) for v in value[:2]):
-                yield float(value[1]), float(value[0])
+                yield _float(value[1]), _float(value[0])
 
 
 def _check_place(features: list[Any], file: Path, datum: Datum) -> None:
@@ -288,8 +296,14 @@ class _Reader:
                     depth_m=depth_m,
                     name=name,
                 )
-            if _is_far(feature):
+            if _is_far(feature) and not keep_in:
                 self.far += 1
+            elif isinstance(feature, Area) and np.abs(feature.outline).max() > FARTHEST_M:
+                raise self._refuse(
+                    f"it comes near, and has places more than {FARTHEST_M / 1e3:g} km away: cut it "
+                    "to the water around autopilot.datum",
+                    "geometry.coordinates",
+                )
             else:
                 yield feature
 
@@ -339,7 +353,7 @@ class _Reader:
     def _number(self, value: object, key: str, least: float, most: float) -> float:
         try:
             number = float(value) if isinstance(value, int | float | str) else math.nan
-        except ValueError:
+        except (ValueError, OverflowError):
             number = math.nan
         if isinstance(value, bool) or not least <= number <= most:
             raise self._refuse(f"got {value!r}; allowed is {least:g} to {most:g} m", key)
@@ -379,7 +393,7 @@ class _Reader:
                     f"{what}, place {index + 1}: expected [longitude, latitude], got {place!r}",
                     "geometry.coordinates",
                 )
-            longitude, latitude = map(float, numbers)
+            longitude, latitude = map(_float, numbers)
             if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
                 raise self._refuse(
                     f"{what}, place {index + 1}: longitude {longitude:g}, latitude {latitude:g}; "
@@ -471,7 +485,7 @@ def _is_far(feature: Feature) -> bool:
         return math.hypot(*feature.centre) - feature.radius_m > FAR_M
     low, high = feature.outline.min(axis=0), feature.outline.max(axis=0)
     nearest = np.clip(0.0, low, high)
-    return bool(np.hypot(*nearest) > FAR_M or np.abs(feature.outline).max() > FARTHEST_M)
+    return bool(np.hypot(*nearest) > FAR_M)
 
 
 def _listed(value: object) -> list[str]:

@@ -36,6 +36,8 @@ WHOLE_M: Final = 1500.0
 """[m] A map that is no larger is searched as a whole; of a larger one a part first."""
 MOST_CELLS: Final = 400_000
 """[-] With more, cells are made twice as large: 80 MB are never exceeded."""
+MOST_WINDOWS: Final = 64
+"""[-] So many parts of a map are remembered for which cells had to be larger."""
 SAMPLES: Final = 24
 """[-] So many places of the route ahead are looked at for the one to steer for."""
 SIGHT_SHARE: Final = 0.9
@@ -103,9 +105,10 @@ class Route:
         return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
 
+SHUT_IN: Final = "the vessel is shut in"
 _ENDS: Final = (
     "",
-    "the vessel is shut in",
+    SHUT_IN,
     "the goal is shut in",
     "no way leads to the goal",
 )
@@ -138,7 +141,7 @@ class Router:
         places = np.concatenate([self.static_map.edges.reshape(-1, 2), walls.reshape(-1, 2)])
         self._low = places.min(axis=0, initial=np.inf)
         self._high = places.max(axis=0, initial=-np.inf)
-        self._finest_m = FINEST_SHARE * self.settings.least_clearance_m
+        self._finest_m: dict[tuple[float, float, float], float] = {}
         self._planner: RoutePlanner | None = None
         self._window: tuple[float, float, float] | None = None
 
@@ -215,14 +218,19 @@ class Router:
         drift: tuple[float, float],
     ) -> tuple[int, Float64, float]:
         """Search a part of the map; its cells grow until there are not too many."""
+        finest_m = FINEST_SHARE * self.settings.least_clearance_m
+        finest_m = self._finest_m.get(window, finest_m)
         if window != self._window or self._planner is None:
-            self._window, self._planner = window, self._divided(window, self._finest_m)
+            self._window, self._planner = window, self._divided(window, finest_m)
         while True:
             end, places_N, cost_m, _ = self._planner.find(start, goal, drift)
             if end < len(_ENDS):
                 return end, places_N, cost_m
-            self._finest_m *= 2.0
-            self._planner = self._divided(window, self._finest_m)
+            finest_m *= 2.0
+            if len(self._finest_m) >= MOST_WINDOWS:
+                self._finest_m.clear()
+            self._finest_m[window] = finest_m
+            self._planner = self._divided(window, finest_m)
 
     def _divided(self, window: tuple[float, float, float], finest_m: float) -> RoutePlanner:
         """Make a planner for a part of the map, with cells of this size [m] at least."""
@@ -298,6 +306,7 @@ class Guidance:
         self._drift_N = np.zeros(2)
         self._walls: Float64 = NO_WALLS
         self._searched_ns = 0
+        self._searched_N = np.zeros(2)
         self._at_leg = 0
 
     @property
@@ -380,6 +389,7 @@ class Guidance:
             self._map, self._walls = static_map, walls
             self._router = Router(self.settings, static_map, walls)
         self._goal_N, self._drift_N, self._searched_ns = _pair(goal_N), drift_N, stamp_ns
+        self._searched_N = place_N.copy()
         self.route = self._router.route(place_N, goal_N, drift_N)
         places = self.route.places_N
         self._legs, self._at_leg = np.stack([places[:-1], places[1:]], axis=1), 0
@@ -390,8 +400,11 @@ class Guidance:
     def _is_outdated(self, place_N: Float64, walls: Float64, drift_N: Float64) -> bool:
         """Tell whether the route is to be found anew."""
         settings = self.settings
-        if self.route is None or self.route.reason:
+        if self.route is None or self.route.reason == SHUT_IN:
             return True
+        if self.route.reason:  # to find that out takes longest, and would give the same again
+            moved_m = float(np.hypot(*(place_N - self._searched_N)))
+            return walls is not self._walls or moved_m > settings.clearance_m
         if not self._router.covers(place_N):
             return True
         if float(np.hypot(*(drift_N - self._drift_N))) > settings.drift_change_mps:

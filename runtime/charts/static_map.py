@@ -241,7 +241,7 @@ class StaticMap:
             inside = np.ones(len(points), bool)
             inside[outside] = False
             distances[inside] = 0.0
-        elif not self.is_empty:
+        elif not len(outside):
             distances[:] = 0.0
         return distances
 

@@ -65,6 +65,8 @@ def read_item(command: int, frame: int, param1: float, x: int, y: int,
     """
     if command not in (*POLYGONS, *CIRCLES, RETURN_POINT):
         return Fault(mavlink.MAV_MISSION_UNSUPPORTED, "only MAV_CMD_NAV_FENCE_... make a fence")
+    if command == RETURN_POINT:
+        return FenceItem(command, param1, np.zeros(2))  # its place means nothing
     place = frames.position_of_integers(frame, x, y)
     if isinstance(place, Fault):
         return place

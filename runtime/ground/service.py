@@ -71,8 +71,10 @@ class StationGoals:
 
     def carry_out(self, feed: Feed, stamp_ns: int) -> None:
         """Feed the core what was ordered since the last call."""
-        if self._then and self._is_ours and self._reached == len(self._leg):
-            self._sail(self._then, feed, stamp_ns)
+        goes_on = self._then and self._is_ours and self._reached == len(self._leg)
+        if goes_on and not self._sail(self._then, feed, stamp_ns):
+            self._then = ()
+            self._interrupt()
         for order in self._stations.orders():
             self._one(order, feed, stamp_ns)
 
@@ -108,7 +110,8 @@ class StationGoals:
         if isinstance(order, GoTo):
             self._go_to(order, feed, stamp_ns)
         elif isinstance(order, FollowRoute):
-            self._sail(order.way, feed, stamp_ns)
+            if not self._sail(order.way, feed, stamp_ns):
+                return
             self._sailing, self._going = order, None
             self._stations.server.mission.state = int(mavlink.MISSION_STATE_ACTIVE)
         elif isinstance(order, Pause) and self._sailing is not None and self._is_ours:
@@ -116,22 +119,24 @@ class StationGoals:
             self._going = None
             self._interrupt()
 
-    def _sail(self, way: tuple[Waypoint, ...], feed: Feed, stamp_ns: int) -> None:
-        """Sail up to the first place at which the vessel is to stay; or stay there."""
+    def _sail(self, way: tuple[Waypoint, ...], feed: Feed, stamp_ns: int) -> bool:
+        """Sail up to the first place at which the vessel is to stay, or stay there; if it may."""
         count = next((k for k, place in enumerate(way) if place.holds), len(way))
-        self._leg, self._then = way[: max(count, 1)], way[count:] if count else ()
-        self._reached = 0
-        places = np.array([(place.north_m, place.east_m) for place in self._leg])
+        leg, then = way[: max(count, 1)], way[count:] if count else ()
+        places = np.array([(place.north_m, place.east_m) for place in leg])
         if count:
-            self._give("route", self._path(places, stamp_ns), feed)
+            taken = self._give("route", self._path(places, stamp_ns), feed)
         else:
-            self._hold(places[0], way[0].heading, feed, stamp_ns)
+            taken = self._hold(places[0], way[0].heading, feed, stamp_ns)
+        if taken:
+            self._leg, self._then, self._reached = leg, then, 0
+        return taken
 
-    def _hold(self, place_N: Float64, heading: float | None, feed: Feed, stamp_ns: int) -> None:
+    def _hold(self, place_N: Float64, heading: float | None, feed: Feed, stamp_ns: int) -> bool:
         station = Station(
             stamp_ns=stamp_ns, position_N=place_N, heading=heading, frame_id=self._frame_id
         )
-        self._give("hold", cdr.encode_station(station), feed)
+        return self._give("hold", cdr.encode_station(station), feed)
 
     def _go_to(self, order: GoTo, feed: Feed, stamp_ns: int) -> None:
         place_N = self._place_N(order)
@@ -144,12 +149,13 @@ class StationGoals:
             if alike and _apart_m(place_N, going_N) < SAME_M:
                 return
         if order.holds:
-            self._hold(place_N, order.heading, feed, stamp_ns)
+            taken = self._hold(place_N, order.heading, feed, stamp_ns)
         else:
             goal = Goal(stamp_ns=stamp_ns, position_N=place_N)
-            self._give("goal", cdr.encode_goal(goal, frame_id=self._frame_id), feed)
-        self._going = place_N, order
-        self._interrupt()
+            taken = self._give("goal", cdr.encode_goal(goal, frame_id=self._frame_id), feed)
+        if taken:
+            self._going = place_N, order
+            self._interrupt()
 
     @property
     def _frame_id(self) -> str:
@@ -180,9 +186,14 @@ class StationGoals:
         here: Float64 = odometry.position_N[:2] + place
         return here
 
-    def _give(self, topic: str, payload: bytes, feed: Feed) -> None:
+    def _give(self, topic: str, payload: bytes, feed: Feed) -> bool:
+        """Hand the core an order; False if it refuses it, and goes on with the one before."""
+        before = self._goals.orders
         feed(topic, payload)
+        if self._goals.orders == before:
+            return False
         self._order = self._goals.orders
+        return True
 
 
 class GroundService:

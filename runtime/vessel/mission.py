@@ -71,6 +71,8 @@ class Mission:
         self.line_up_N: Float64 | None = None
         """[m] [N] (2,) Where the way in to the berth begins: whoever finds it says so."""
         self._keeps = self._was_held = False
+        self._kept_before = False
+        """Whether the mission's own place was kept when `hold` came."""
 
     @property
     def goal(self) -> Goal | None:
@@ -162,6 +164,8 @@ class Mission:
 
     def hold(self, odometry: Odometry) -> None:
         """Keep the place where the vessel is, whatever the goals; they are kept for `resume`."""
+        if self._held is None:
+            self._kept_before = self._keeps
         self._held = Goal(stamp_ns=odometry.stamp_ns, position_N=odometry.position_N[:2].copy())
         self._off_place = False
         self._keeps = True
@@ -173,6 +177,8 @@ class Mission:
 
     def resume(self) -> None:
         """Head for the goals again."""
+        if self._held is not None:
+            self._keeps = self._kept_before
         self._held = None
 
     @property
@@ -242,6 +248,7 @@ class Mission:
         self._goals, self._index, self.arrived = goals, 0, False
         self.berth = self.line_up_N = None
         self._station, self._keeps, self._was_held = None, False, False
+        self._kept_before = False
         self.orders += 1
 
 

@@ -591,7 +591,10 @@ class Vessel:
     def _take_back(self, out: Outputs, now_s: float) -> None:
         """Take back all goals if one of them is forbidden."""
         mission = self.pipeline.mission
-        why = self._why_not(mission.ahead_N)
+        places_N = mission.ahead_N
+        if mission.berth is not None:
+            places_N = self._to_be_free("berth", mission.berth.face_N)
+        why = self._why_not(places_N)
         if why:
             nowhere = mission.set_route(np.empty((0, 2)), self.stamp_ns)
             taken_back = GOAL_FORBIDDEN.at(self.stamp_ns, f"taken back: {why}")

@@ -103,6 +103,22 @@ def test_a_goal_that_came_before_any_odometry_is_taken_back_if_it_is_on_land():
     assert vessel.pipeline.mission.goal is None
 
 
+def test_a_berth_that_came_before_any_odometry_stays_though_its_face_is_the_quays_edge():
+    vessel = vessel_with(land=[LAND])
+    face = np.array([[0.0, 25.0], [0.0, 5.0]])
+    feed(vessel, "berth", cdr.encode_path(face, stamp_ns=stamp(1.0), frame_id=""), 1.0)
+    out = feed(vessel, "odometry", cdr.encode_odometry(odometry(1.0, north=-20.0)), 1.1)
+    assert not events(out, "goal_forbidden")
+    assert vessel.pipeline.mission.berth is not None
+    assert not vessel.fence("station", (Disc(kind="fence", centre=(90.0, 0.0), radius_m=5.0),))
+    feed(vessel, "odometry", cdr.encode_odometry(odometry(1.1, north=-20.0)), 1.2)
+    assert vessel.pipeline.mission.berth is not None
+    assert not vessel.fence("station", (Disc(kind="fence", centre=(-20.0, 15.0), radius_m=40.0),))
+    out = feed(vessel, "odometry", cdr.encode_odometry(odometry(1.2, north=-20.0)), 1.3)
+    assert events(out, "goal_forbidden")
+    assert vessel.pipeline.mission.berth is None
+
+
 def test_the_safety_depth_follows_the_draught_if_it_is_not_set():
     shoal = {"outline_m": SQUARE, "depth_m": 0.7}
     for hull, forbidden in (("wam_v", True), ("blueboat", False)):

@@ -140,6 +140,29 @@ def test_what_forbids_nothing_is_counted():
     assert (len(found.features), found.ignored, found.far) == (1, {"M_COVR": 2}, 1)
 
 
+def test_a_number_that_no_float_holds_is_refused_by_name():
+    land = feature("Polygon", [ring(SQUARE)], twinscrew="land")
+    place = feature("Point", [10.0, 10**400], twinscrew="hazard")
+    assert "features[2].geometry.coordinates" in refusal(collection(land, place))
+    rock = feature("Point", lon_lat(0, 0), twinscrew="hazard", radius_m=10**400)
+    assert "features[1].properties.radius_m" in refusal(collection(rock))
+
+
+def test_a_country_that_reaches_from_here_to_far_away_is_refused_not_left_out():
+    rock = feature("Point", lon_lat(0, 99), twinscrew="hazard")
+    country = [(0.0, 0.0), (1.2e6, 0.0), (1.2e6, 9e5), (0.0, 30.0)]
+    words = refusal(collection(rock, feature("Polygon", [ring(country)], twinscrew="land")))
+    assert "features[2].geometry.coordinates" in words
+    assert "1000 km" in words
+
+
+def test_a_far_away_fence_to_be_kept_inside_of_is_not_left_out():
+    rock = feature("Point", lon_lat(0, 99), twinscrew="hazard")
+    bay = [(80_000.0, 0.0), (90_000.0, 0.0), (90_000.0, 9_000.0), (80_000.0, 9_000.0)]
+    found = read(rock, feature("Polygon", [ring(bay)], twinscrew="fence", keep_in=True))
+    assert StaticMap.of(found.features).forbidden(np.array([[0.0, 0.0]]))[0]
+
+
 BOW_TIE = [(0.0, 0.0), (10.0, 10.0), (10.0, 0.0), (0.0, 10.0)]
 
 

@@ -8,7 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from tests.property.test_route import drawn
 
-from twinscrew.runtime.charts.route import NO_WALLS, Guidance, RouteSettings
+from twinscrew.runtime.charts import route
+from twinscrew.runtime.charts.route import NO_WALLS, Guidance, Router, RouteSettings
 from twinscrew.runtime.charts.static_map import Area, StaticMap
 
 RULES = RouteSettings()
@@ -107,6 +108,36 @@ def test_where_nothing_leads_there_it_says_so_once_for_each_goal_and_looks_again
     assert guidance.step(6 * S, HERE, goal_N + 1.0, chart).trouble
     found = guidance.step(9 * S, HERE, goal_N + 1.0, QUAY)
     assert found.place_N is not None
+
+
+def test_what_nothing_leads_to_is_looked_for_again_only_where_the_answer_may_differ() -> None:
+    shut = Area(kind="land", outline=np.array(box(40, 70)), holes=(np.array(box(45, 65)),))
+    guidance, chart, goal_N = Guidance(), StaticMap.of([shut]), np.array([55.0, 55.0])
+    assert guidance.step(0, HERE, goal_N, chart).trouble
+    first = guidance.route
+    guidance.step(5 * S, HERE + 1.0, goal_N, chart, drift_N=np.array([0.5, 0.0]))
+    assert guidance.route is first
+    guidance.step(10 * S, HERE - 9.0, goal_N, chart)
+    assert guidance.route is not first
+    second, walls = guidance.route, np.array([[[0.0, 90.0], [1.0, 90.0]]])
+    guidance.step(15 * S, HERE - 9.0, goal_N, chart, walls)
+    assert guidance.route is not second
+
+
+def test_a_search_of_all_of_a_map_does_not_close_the_gaps_of_a_part(monkeypatch) -> None:
+    monkeypatch.setattr(route, "MOST_CELLS", 4000)
+    shut = Area(kind="land", outline=np.array(box(40, 70)), holes=(np.array(box(45, 65)),))
+    walls = [
+        Area(kind="land", outline=np.array([[-20, low], [-18, low], [-18, high], [-20, high]]))
+        for low, high in ((-200.0, -2.1), (2.1, 200.0))
+    ]
+    far = [Area(kind="land", outline=np.array(box(at, at + 10))) for at in (-3000, 3000)]
+    router = Router(RULES, StaticMap.of([shut, *walls, *far]))
+    beyond = np.array([-40.0, 30.0])
+    before = router.route(HERE, beyond)
+    assert not before.reason
+    assert router.route(HERE, np.array([55.0, 55.0])).reason
+    assert router.route(HERE, beyond).cost_m == before.cost_m
 
 
 def test_a_boat_that_lies_where_it_may_not_be_steers_out_and_not_across() -> None:

@@ -57,6 +57,13 @@ def test_the_distance_is_zero_exactly_where_it_is_forbidden(features, points):
     np.testing.assert_array_equal(chart.distance_m(points) == 0.0, chart.forbidden(points))
 
 
+def test_features_too_small_for_the_grid_are_near_nothing():
+    specks = [Disc(kind="fence", centre=(k, 0.0), radius_m=1e-4) for k in (0.0, 5.0004)]
+    chart = StaticMap.of(specks)
+    assert not chart.is_empty
+    assert np.isinf(chart.distance_m(np.array([[100.0, 100.0]]))).all()
+
+
 @settings(max_examples=examples(25))
 @given(features=FEATURES, points=POINTS)
 def test_the_distance_is_that_to_the_nearest_edge(features, points):

@@ -5,6 +5,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from tests.harness.boat import Boat, odometry, stamp
 
+from twinscrew.runtime.charts.static_map import Disc
 from twinscrew.runtime.geometry import quaternion_from_euler
 from twinscrew.runtime.ground.orders import OrderSettings
 from twinscrew.runtime.ground.stations import Stations
@@ -222,3 +223,30 @@ def test_loiter_as_a_command_holds_the_place_where_the_boat_is(sea) -> None:
     (answer,) = of("COMMAND_ACK", sea.say(long))
     assert answer.result == 0
     assert sea.mission.goal.position_N.tolist() == pytest.approx([2.0, 1.0], abs=0.3)
+
+
+def test_a_goal_that_was_forbidden_is_taken_when_it_is_asked_for_again_after_the_fence_is_gone(
+    sea,
+) -> None:
+    vessel = sea.boat.vessel
+    vessel.fence("station", (Disc(kind="fence", centre=(20.0, 0.0), radius_m=5.0),))
+    sea.serve()
+    sea.go(mavlink.MAV_FRAME_LOCAL_OFFSET_NED, 20.0, 0.0)
+    assert sea.goal is None
+    vessel.fence("station", ())
+    sea.serve()
+    sea.go(mavlink.MAV_FRAME_LOCAL_OFFSET_NED, 20.0, 0.0)
+    assert sea.goal == [20.0, 0.0]
+
+
+def test_a_mission_that_a_new_fence_forbids_is_not_told_as_sailed(sea) -> None:
+    sea.upload((30.0, 0.0), (30.0, 30.0))
+    sea.go(1, -40.0, 0.0)
+    vessel = sea.boat.vessel
+    start = mavlink.MAVLink_mission_set_current_message(*US, 0)
+    vessel.receive(sea.station.encode(start), sea.boat.now_s)
+    vessel.fence("station", (Disc(kind="fence", centre=(30.0, 30.0), radius_m=5.0),))
+    sea.serve()
+    assert sea.goal == [-40.0, 0.0]
+    assert sea.boat.vessel.link.stations.server.mission.state != ACTIVE
+    assert not of("MISSION_ITEM_REACHED", sea.move_to(-40.0, 0.0))

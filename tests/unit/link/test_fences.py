@@ -143,6 +143,12 @@ def test_fences_come_back_as_they_were_uploaded_and_go_when_they_are_cleared(tar
     assert fleet.vessel.chart.is_empty
 
 
+def test_a_return_point_means_nothing_wherever_it_lies():
+    fleet = Fleet().sail(1.0)
+    items = [(RETURN, 0.0, (9000.0, 0.0)), (ROUND_OUT, 5.0, (0.0, 40.0))]
+    assert fleet.upload(COMPANION, items) == mavlink.MAV_MISSION_ACCEPTED
+
+
 TIE = [(0.0, 0.0), (30.0, 30.0), (30.0, 0.0), (0.0, 30.0)]
 
 

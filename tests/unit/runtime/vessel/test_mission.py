@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from twinscrew.runtime.errors import ConfigError
-from twinscrew.runtime.messages.types import Goal, Odometry, Station
+from twinscrew.runtime.messages.types import Berth, Goal, Odometry, Station
 from twinscrew.runtime.vessel.mission import Mission, MissionSettings
 
 
@@ -105,6 +105,22 @@ def test_on_arrival_the_last_goal_is_held_if_so_wished() -> None:
         assert mission.arrived
     assert stops.station is None
     assert holds.station.position_N.tolist() == [10.0, 0.0]
+
+
+def test_a_boat_that_held_on_its_way_to_a_berth_still_heads_for_where_the_way_in_begins() -> None:
+    mission = Mission(MissionSettings(goal_radius_m=2.0))
+    mission.set_berth(Berth(stamp_ns=9, face_N=np.array([[0.0, 0.0], [0.0, 10.0]])))
+    mission.line_up_N = np.array([20.0, 5.0])
+    names(mission, (50, 5))
+    assert not mission.berths
+    mission.hold(at(50, 5))
+    names(mission, (50, 5))
+    mission.resume()
+    names(mission, (50, 5))
+    assert not mission.berths
+    assert mission.target.position_N.tolist() == [20.0, 5.0]
+    names(mission, (24, 5), (50, 5))
+    assert mission.berths
 
 
 def test_outside_the_envelope_a_boat_that_holds_on_arrival_holds_where_it_is() -> None:
