@@ -133,6 +133,15 @@ def test_the_assurance_lets_go_of_the_face_alone():
     ]
 
 
+def test_what_is_left_of_a_quay_beside_the_face_keeps_its_forbidden_side():
+    northward = np.array([[[-50.0, 0.1], [50.0, 0.1]]])
+    assert without_face(northward[:, ::-1], FACE).tolist() == [
+        [[50.0, 0.1], [2.5, 0.1]],
+        [[-2.5, 0.1], [-50.0, 0.1]],
+    ]
+    assert len(without_face(np.array([[[2.0, 0.1], [-2.4, 0.1]]]), FACE)) == 0
+
+
 def boat_that_holds(**link: object) -> Boat:
     boat = Boat(waypoints_m=(), **link)
     boat.vessel.pipeline.keeper = Keeper(StationSettings(), load_vessel(), ThrustLimits())
