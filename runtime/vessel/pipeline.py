@@ -626,7 +626,7 @@ class Senses:
         if self._listened_ns is None:
             self._listened_ns = stamp_ns  # the first scan may be on its way
         since_s = (stamp_ns - self._listened_ns) / NANOSECONDS_PER_SECOND
-        if 0.0 <= since_s < SCANLESS_S:
+        if abs(since_s) < SCANLESS_S:  # a scan may be a little newer than the odometry
             return None
         heard = self.listen(stamp_ns)
         tracks = self._tracker.seen_by_others(stamp_ns, odometry.position_N[:2])
