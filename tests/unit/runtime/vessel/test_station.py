@@ -291,3 +291,14 @@ def test_a_berth_that_was_ordered_before_the_first_odometry_is_not_taken_back():
     boat.sail(1.0)
     assert "goal_forbidden" not in boat.names
     assert boat.vessel.pipeline.berthing is not None
+
+
+def test_that_a_heading_cannot_be_held_is_said_of_each_order():
+    keeper = Keeper(StationSettings(), load_vessel(), ThrustLimits())
+    said = []
+    for k in range(600):  # it lies still under thrust ahead: the drift comes from ahead
+        heading = math.radians(90.0 if k < 300 else 80.0)
+        station = Station(stamp_ns=0, position_N=np.zeros(2), heading=heading)
+        _, events = keeper.step(odometry(0.1 * k), np.array([100.0, 100.0]), station)
+        said += [event.detail.split(" deg")[0] for event in events]
+    assert said == ["asked 90", "asked 80"]
