@@ -29,7 +29,7 @@ ENABLE_EVERY_S: Final = 0.2
 """[s] Between two enables: five fit into the time after which a boat stops."""
 ANSWER_S: Final = 1.0
 """[s] How long to wait for the boat's word on a goal; it comes within a scan or a tick."""
-TAKEN: Final = ("goal_set", "station_set")
+TAKEN: Final = ("goal_set", "station_set", "berth_set")
 """Events by which a boat says that it has taken an order; those by which it refuses one:"""
 REFUSED: Final = ("goal_forbidden", "goal_frame", "station_refused")
 FLUSH_S: Final = 0.1
@@ -108,7 +108,7 @@ def berth(
     face = np.array([[from_north, from_east], [to_north, to_east]])
     if not (np.abs(face) < 1e8).all() or (face[0] == face[1]).all():
         raise ConfigError(f"{face.tolist()} is no face on the water", key="berth")
-    with _bus(config, "berth") as bus:
+    with _bus(config, "berth") as bus, _answer(bus):
         bus.publish("berth", cdr.encode_path(face, stamp_ns=0, frame_id=""))
 
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from twinscrew.runtime.charts.contour import SECTORS
+from twinscrew.runtime.charts.contour import CONTOUR_RANGE_M, SECTORS
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.messages.types import OBSERVED_OBJECTS
 from twinscrew.runtime.policy.hull_units import HULL_COLUMNS
@@ -185,3 +185,8 @@ def _check_inputs(text: str, objects: int) -> None:
             raise PolicyError(
                 f"metadata 'inputs.{name}.shape' is {described['shape']}; allowed: {['N', *shape]}"
             )
+    reach_m = inputs.get(CONTOUR_INPUT, {}).get("range_m", CONTOUR_RANGE_M)
+    if reach_m != CONTOUR_RANGE_M:
+        raise PolicyError(
+            f"metadata 'inputs.{CONTOUR_INPUT}.range_m' is {reach_m}; allowed: {CONTOUR_RANGE_M:g}"
+        )

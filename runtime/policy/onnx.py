@@ -19,6 +19,7 @@ from twinscrew.runtime.policy.metadata import (
     OUTPUT_NAME,
     OUTPUT_SHAPE,
     PolicyExpectation,
+    PolicyMetadata,
     check_expectation,
     input_shapes,
     read_metadata,
@@ -65,6 +66,7 @@ class OnnxPolicy:
             self.metadata = read_metadata(self._session.get_modelmeta().custom_metadata_map)
             shapes = input_shapes(self.metadata.observed_objects)
             _check_graph(self._session, shapes)
+            _check_described(self._session, self.metadata)
             check_expectation(self.metadata, expect or PolicyExpectation())
             self._risk = risk
             self._feed = _feed(self._session, risk, shapes)
@@ -175,6 +177,17 @@ def _check_graph(session: Any, shapes: dict[str, tuple[int, ...]]) -> None:
         names = ", ".join(node.name for node in outputs)
         raise PolicyError(f"outputs are {names}; allowed: {OUTPUT_NAME} alone")
     _check_tensor("output", outputs[0], OUTPUT_SHAPE)
+
+
+def _check_described(session: Any, metadata: PolicyMetadata) -> None:
+    """Refuse metadata that tells of a contour otherwise than the graph: it would see no edges.
+
+    Whoever is shown the contour is not shown the standing objects that are a part of it.
+    """
+    takes = any(node.name == CONTOUR_INPUT for node in graph_inputs(session))
+    if takes != metadata.contour:
+        has, lacks = ("graph", "metadata") if takes else ("metadata", "graph")
+        raise PolicyError(f"input {CONTOUR_INPUT!r} is in its {has}, and not in its {lacks}")
 
 
 def _check_tensor(kind: str, node: Any, shape: tuple[int, ...]) -> None:

@@ -101,7 +101,8 @@ def without_face(shores_N: Float64, face_N: Float64) -> Float64:
     Returns
     -------
     shores_N : (R, 2, 2) float64
-        Segments that do not lie on the face's line, and what of the others lies beyond its ends.
+        Segments that do not lie on the face's line, and what of the others lies beyond its ends, in
+        their own direction: what is forbidden stays to the left.
     """
     way = face_N[1] - face_N[0]
     length = float(np.hypot(*way))
@@ -115,11 +116,13 @@ def without_face(shores_N: Float64, face_N: Float64) -> Float64:
         if np.abs(off).max() > FACE_M:
             kept.append(segment)
             continue
-        begin, end = sorted(((segment - face_N[0]) @ along).tolist())
-        for low, high in ((begin, min(end, -FACE_M)), (max(begin, length + FACE_M), end)):
-            if high > low:
+        begin, end = ((segment - face_N[0]) @ along).tolist()
+        low, high = sorted((begin, end))
+        pieces = [(low, min(high, -FACE_M)), (max(low, length + FACE_M), high)]
+        for first, last in pieces if begin < end else [piece[::-1] for piece in pieces[::-1]]:
+            if (last - first) * (end - begin) > 0.0:
                 middle = face_N[0] + across * float(off.mean())
-                kept.append(middle + np.outer([low, high], along))
+                kept.append(middle + np.outer([first, last], along))
     return np.array(kept).reshape(-1, 2, 2)
 
 

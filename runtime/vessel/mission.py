@@ -70,9 +70,9 @@ class Mission:
         """A face to lie at, if that is the last order."""
         self.line_up_N: Float64 | None = None
         """[m] [N] (2,) Where the way in to the berth begins: whoever finds it says so."""
+        self.berthed = False
+        """Whether the vessel lies at its berth, or did: whoever brings it there says so."""
         self._keeps = self._was_held = False
-        self._kept_before = False
-        """Whether the mission's own place was kept when `hold` came."""
 
     @property
     def goal(self) -> Goal | None:
@@ -117,6 +117,14 @@ class Mission:
         if self._station is not None:
             return self._station.position_N.reshape(1, 2)
         return np.array([goal.position_N for goal in ahead]).reshape(-1, 2)
+
+    @property
+    def bound_N(self) -> Float64:
+        """[m] [N] (K, 2) The same, and the last goal where the vessel stays at it."""
+        stays = self._settings.on_arrival == "hold" or self._settings.hold_station
+        if self.arrived and stays and self._goals:
+            return self._goals[-1].position_N.reshape(1, 2)
+        return self.ahead_N
 
     @property
     def radius_m(self) -> float:
@@ -164,8 +172,6 @@ class Mission:
 
     def hold(self, odometry: Odometry) -> None:
         """Keep the place where the vessel is, whatever the goals; they are kept for `resume`."""
-        if self._held is None:
-            self._kept_before = self._keeps
         self._held = Goal(stamp_ns=odometry.stamp_ns, position_N=odometry.position_N[:2].copy())
         self._off_place = False
         self._keeps = True
@@ -178,8 +184,7 @@ class Mission:
     def resume(self) -> None:
         """Head for the goals again."""
         if self._held is not None:
-            self._keeps = self._kept_before
-        self._held = None
+            self._held, self._keeps = None, False
 
     @property
     def _place(self) -> Station | None:
@@ -200,6 +205,8 @@ class Mission:
         radius = self._settings.goal_radius_m
         off_m = float(np.hypot(*(place.position_N - odometry.position_N[:2])))
         self._keeps = off_m <= (2.0 if self._keeps else 1.0) * KEPT_RADII * radius
+        if self._held is not None:
+            return None  # nothing is said of a place that nobody ordered
         was_held = self._was_held
         self._was_held = off_m <= (2.0 if was_held else 1.0) * radius
         if self._station is None or was_held == self._was_held:
@@ -214,7 +221,9 @@ class Mission:
             if self.line_up_N is not None:
                 radii = KEPT_RADII * self._settings.goal_radius_m
                 off_m = float(np.hypot(*(self.line_up_N - odometry.position_N[:2])))
-                self._keeps = off_m <= (8.0 if self._keeps else 1.0) * radii
+                way_m = float(np.hypot(*(self.line_up_N - self.berth.face_N.mean(axis=0))))
+                most_m = max(8.0 * radii, 2.0 * way_m)  # the way in, and room to stand off
+                self._keeps = self.berthed or off_m <= (most_m if self._keeps else radii)
             return None
         place = self._place
         if place is not None:
@@ -246,9 +255,8 @@ class Mission:
 
     def _begin(self, goals: list[Goal]) -> None:
         self._goals, self._index, self.arrived = goals, 0, False
-        self.berth = self.line_up_N = None
+        self.berth, self.line_up_N, self.berthed = None, None, False
         self._station, self._keeps, self._was_held = None, False, False
-        self._kept_before = False
         self.orders += 1
 
 

@@ -242,7 +242,9 @@ class Pipeline:
         self._find_berth(odometry)
         progress = self.mission.step(odometry)
         self._learn(cloud.stamp_ns, odometry)
-        idle = self.stopped or not engaged or blind is not None or self.is_settling
+        acts = engaged and not self.stopped and not self.is_settling
+        idle = blind is not None or not acts
+        broken_off = self._watch_berthing(cloud.stamp_ns, acts=acts)
         goal, told = self._guide(odometry, idle=idle)
         station = self.mission.station or self._held
         if self.trial is not None:
@@ -257,7 +259,8 @@ class Pipeline:
             observation, failed, overridden = self._drive(odometry, goal, tracks)
         self._thrust, tripped = self.guard.check(self._thrust, cloud.stamp_ns)
         alarmed = self.senses.alarmed(odometry, tracks) if self.senses.by_topic else ()
-        reported = (blind, *heard, gap, progress, told, failed, *overridden, *alarmed, tripped)
+        before = (blind, *heard, gap, progress, *broken_off, told)
+        reported = (*before, failed, *overridden, *alarmed, tripped)
         decision = Decision(
             stamp_ns=cloud.stamp_ns,
             sequence=self._sequence,
@@ -406,14 +409,29 @@ class Pipeline:
     def _find_berth(self, odometry: Odometry) -> None:
         """Follow the mission's berth: where its way in begins is known once the boat's place is."""
         berth = self.mission.berth
-        if isinstance(self.assurance, Assurance):
-            coming = self.berthing is not None and self.berthing.is_coming_in
-            self.assurance.berth_N = None if berth is None or not coming else berth.face_N
         if berth is None or self.keeper is None:
             self.berthing = None
         elif self.berthing is None or self.berthing.berth is not berth:
             self.berthing = Berthing(self.keeper, berth, odometry.position_N[:2])
             self.mission.line_up_N = self.berthing.line_up_N
+        self.mission.berthed = self.berthing is not None and self.berthing.lies
+
+    def _watch_berthing(self, stamp_ns: int, *, acts: bool) -> tuple[HealthEvent, ...]:
+        """Break off a way in that is not gone on with; let the face be touched on one alone.
+
+        Whoever drives meanwhile, a pilot or the policy, leaves the boat anywhere: the way in then
+        begins anew.
+        """
+        comes_in = self.berthing is not None and self.mission.berths and self.trial is None and acts
+        events: tuple[HealthEvent, ...] = ()
+        if self.berthing is not None and not comes_in:
+            why = "it is not near its berth, or holds another place" if acts else "no thrust acts"
+            events = self.berthing.interrupt(stamp_ns, why)
+        if isinstance(self.assurance, Assurance):
+            touches = comes_in and self.berthing is not None and self.berthing.is_coming_in
+            berth = self.mission.berth if touches else None
+            self.assurance.berth_N = None if berth is None else berth.face_N
+        return events
 
     def _come_in(self, berthing: Berthing, odometry: Odometry, tracks: Tracks) -> Driven:
         """Come alongside; the assurance checks every thrust, against all but the berth's face."""
@@ -423,6 +441,7 @@ class Pipeline:
         others = berthing.others(tracks)
         self._thrust, events = berthing.step(odometry, before, others)
         if berthing.lies:
+            self.mission.berthed = True
             return self._stop()._replace(overridden=events)
         self._slow_down(odometry)
         if self.assurance is None:
@@ -607,7 +626,7 @@ class Senses:
         if self._listened_ns is None:
             self._listened_ns = stamp_ns  # the first scan may be on its way
         since_s = (stamp_ns - self._listened_ns) / NANOSECONDS_PER_SECOND
-        if 0.0 <= since_s < SCANLESS_S:
+        if abs(since_s) < SCANLESS_S:  # a scan may be a little newer than the odometry
             return None
         heard = self.listen(stamp_ns)
         tracks = self._tracker.seen_by_others(stamp_ns, odometry.position_N[:2])

@@ -174,6 +174,7 @@ class Keeper:
         self._last_ns: int | None = None
         self._kept_s = 0.0
         self._told: bool | None = None
+        self._asked: float | None = None
 
     def step(
         self, odometry: Odometry, given: Float64, station: Station
@@ -189,6 +190,8 @@ class Keeper:
         station
             Where to stay.
         """
+        if station.heading != self._asked:  # of another order: what was said counts no more
+            self._asked, self._told, self._kept_s = station.heading, None, 0.0
         speed_mps = self.settings.speed_share * self.vessel.top_speed_mps
         thrust = self.steer(
             odometry, given, station.position_N, station.heading, speed_mps=speed_mps

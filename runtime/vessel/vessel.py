@@ -547,7 +547,8 @@ class Vessel:
         mission = self.pipeline.mission
         mission.resume()
         # Without a goal the boat lies still, and the sticks are perhaps a pilot's: so it stays.
-        if response is Response.HOLD and mission.target is not None and self.inputs.newest:
+        heads = mission.target is not None or (mission.berths and not mission.berthed)
+        if response is Response.HOLD and heads and self.inputs.newest:
             mission.hold(self.inputs.newest)
 
     # -- What is fixed around the boat.
@@ -591,8 +592,8 @@ class Vessel:
     def _take_back(self, out: Outputs, now_s: float) -> None:
         """Take back all goals if one of them is forbidden."""
         mission = self.pipeline.mission
-        places_N = mission.ahead_N
-        if mission.berth is not None:
+        places_N = mission.bound_N
+        if mission.berth is not None and mission.line_up_N is None:
             places_N = self._to_be_free("berth", mission.berth.face_N)
         why = self._why_not(places_N)
         if why:

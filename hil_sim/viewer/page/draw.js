@@ -99,23 +99,10 @@ export function drawRegion(pen, camera, { kind, ring, holes, keep_in: keepIn }) 
   pen.stroke();
   if (!keepIn && (kind === "keep_out" || kind === "fence")) {
     pen.clip("evenodd");
-    hatch(pen, camera);
+    pen.globalAlpha *= 0.5;
+    slant(pen, 0, camera.width, 0, camera.height);
   }
   pen.restore();
-}
-
-const HATCH_PX = 9;
-
-// Slanting lines over the whole view; who calls it has clipped.
-function hatch(pen, camera) {
-  pen.globalAlpha *= 0.5;
-  pen.lineWidth = 1;
-  pen.beginPath();
-  for (let x = -camera.height; x < camera.width; x += HATCH_PX) {
-    pen.moveTo(x, camera.height);
-    pen.lineTo(x + camera.height, 0);
-  }
-  pen.stroke();
 }
 
 // Arrows of a current that is not the same everywhere, as long as it flows in `FLOW_S`.
@@ -411,14 +398,21 @@ function hatch(pen, corners) {
   pen.save();
   polygon(pen, corners);
   pen.clip();
+  slant(pen, left, right, top, bottom);
+  pen.restore();
+}
+
+const HATCH_PX = 9;
+
+// Slanting lines over a part of the view; who calls it has clipped.
+function slant(pen, left, right, top, bottom) {
   pen.lineWidth = 1;
   pen.beginPath();
-  for (let x = left - (bottom - top); x < right; x += 9) {
+  for (let x = left - (bottom - top); x < right; x += HATCH_PX) {
     pen.moveTo(x, bottom);
     pen.lineTo(x + bottom - top, top);
   }
   pen.stroke();
-  pen.restore();
 }
 
 // A place ahead and to starboard [m] of another one, in pixels.

@@ -255,10 +255,10 @@ def test_send_says_in_the_boats_words_that_a_goal_is_on_land(tmp_path):
     (tmp_path / "boat.toml").write_text(f'[bus]\nconnect = ["{endpoint}"]\n')
     inbox = Inbox()
     with closing(ZenohBus(ZenohSettings(listen=(endpoint,)), "wamv")) as bus:
-        inbox.listen(bus, ("goal",))
+        inbox.listen(bus, ("goal", "berth"))
 
         def answer():
-            for _ in range(2):
+            for _ in range(3):
                 message = next(iter(inbox.wait(60.0)))
                 out = vessel.handle(message, 1.1)
                 payload = cdr.encode_diagnostics(out.events, stamp_ns=stamp(1.1), hardware_id="")
@@ -269,8 +269,12 @@ def test_send_says_in_the_boats_words_that_a_goal_is_on_land(tmp_path):
         words = ("--config", tmp_path / "boat.toml")
         refused = twinscrew("send", "goal", "15", "20", *words)
         taken = twinscrew("send", "goal", "100", "30", *words)
+        face = ("--from-north", "0", "--from-east", "60", "--to-north", "1", "--to-east", "60")
+        too_short = twinscrew("send", "berth", *face, *words)
         boat.join()
     assert refused.returncode == 2
     assert "refused (goal_forbidden): not taken: the goal, north 20.0 m" in refused.stderr
     assert "is on land (Mole)" in refused.stderr
     assert (taken.returncode, taken.stderr) == (0, "")
+    assert too_short.returncode == 2
+    assert "refused (station_refused): a face of 1.0 m is too short" in too_short.stderr

@@ -322,3 +322,43 @@ def test_a_file_that_is_no_model_is_refused(tmp_path):
 def test_a_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(PolicyError, match="No such file"):
         OnnxPolicy(tmp_path / "none.onnx")
+
+
+CONTOUR = {"units": ["m"], "frame": "B", "shape": ["N", 32], "range_m": 40.0}
+
+
+def contour_default():
+    return helper.make_tensor("contour", TensorProto.FLOAT, [1, 32], [40.0] * 32)
+
+
+def with_contour(**changes):
+    """A graph that takes a contour which it may be left without, and metadata that say so."""
+    nodes, tensors = graphs.goal_times_ten()
+    names = ("ego", "objects", "mask")
+    return {
+        "nodes": nodes,
+        "initializers": [*tensors, contour_default()],
+        "inputs": [
+            *(graphs.float_input(name) for name in names),
+            helper.make_tensor_value_info("contour", TensorProto.FLOAT, [1, 32]),
+        ],
+        "metadata": with_metadata(
+            inputs=json.dumps({**graphs.INPUTS, "contour": {**CONTOUR, **changes}})
+        ),
+    }
+
+
+def test_a_file_that_takes_a_contour_is_shown_it(tmp_path):
+    policy = OnnxPolicy(graphs.save(tmp_path, **with_contour()))
+    assert policy.shown.contour_m == 40.0
+
+
+def test_metadata_that_tell_of_a_contour_otherwise_than_the_graph_are_refused(tmp_path):
+    told = {"metadata": with_contour()["metadata"]}
+    refused(tmp_path, ["'contour'", "in its metadata", "not in its graph"], **told)
+    untold = {**with_contour(), "metadata": graphs.METADATA}
+    refused(tmp_path, ["'contour'", "in its graph", "not in its metadata"], **untold)
+
+
+def test_a_contour_of_another_range_is_refused(tmp_path):
+    refused(tmp_path, ["inputs.contour.range_m", "25", "40"], **with_contour(range_m=25))

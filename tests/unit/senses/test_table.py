@@ -214,6 +214,23 @@ def test_scans_that_come_again_find_the_ship_where_it_is():
     np.testing.assert_allclose(ships[-1].p_N, [(100.0, 360.0 - 0.4 * 129)], atol=2.0)
 
 
+def test_odometry_that_is_a_little_older_than_the_last_scan_is_no_gap_in_the_scans():
+    """Else alarms would forget at each such message whom the LiDAR alone sees."""
+    vessel = make_vessel(RuntimeConfig(senses=SensesSettings(ais=AisSettings(datum=DATUM))))
+    listened = []
+    listen = vessel.pipeline.senses.listen
+    vessel.pipeline.senses.listen = lambda stamp_ns: listened.append(stamp_ns) or listen(stamp_ns)
+    for k in range(1, 30):
+        late = replace(
+            cdr.decode_odometry(odometry(k)), stamp_ns=START_NS + k * SCAN_NS - 5 * 10**7
+        )
+        vessel.handle(Received("points", scan(k), 0), 0.1 * k)
+        vessel.handle(Received("odometry", cdr.encode_odometry(late), 0), 0.1 * k)
+    scans = [START_NS + k * SCAN_NS for k in range(1, 30)]
+    assert len(listened) > 25
+    assert set(listened) <= set(scans)
+
+
 def test_bytes_that_are_no_message_are_an_event_and_nothing_else():
     config = RuntimeConfig(senses=SensesSettings(ais=AisSettings(datum=DATUM)))
     _, outs = sail(config, lambda k: [("nmea", b"\x00\x01\x00\x00" + bytes([k] * 9))], 3)

@@ -132,3 +132,43 @@ def test_outside_the_envelope_a_boat_that_holds_on_arrival_holds_where_it_is() -
     names(mission, (20, 6))
     assert mission.station is None
     assert mission.target.position_N.tolist() == [90.0, 0.0]
+
+
+def test_a_place_held_outside_the_envelope_is_not_reported_as_the_ordered_one() -> None:
+    mission = Mission(MissionSettings(on_arrival="hold"))
+    mission.set_station(Station(stamp_ns=9, position_N=np.array([90.0, 0.0])))
+    mission.hold(at(20, 5))
+    assert names(mission, (20, 5), (20, 5)) == [None, None]
+    assert mission.reached == 0
+    mission.resume()
+    assert names(mission, (20, 5), (89, 0)) == [None, "station_held"]
+
+
+def test_after_a_hold_on_the_way_to_a_berth_the_policy_goes_on_with_the_way() -> None:
+    mission = Mission()
+    mission.set_berth(Berth(stamp_ns=1, face_N=np.array([[0.0, 0.0], [9.0, 0.0]])))
+    mission.line_up_N = np.array([-10.0, 9.0])
+    mission.hold(at(-40, 9))
+    mission.resume()
+    names(mission, (-40, 9))
+    assert not mission.berths
+    assert mission.target is not None
+
+
+def test_however_long_the_way_in_a_boat_on_it_stays_near_its_berth() -> None:
+    mission = Mission(MissionSettings(goal_radius_m=0.5))
+    mission.set_berth(Berth(stamp_ns=1, face_N=np.array([[0.0, 0.0], [9.0, 0.0]])))
+    mission.line_up_N = np.array([-9.0, 9.0])
+    names(mission, (-9, 9), (4.5, 1))
+    assert mission.berths
+
+
+@pytest.mark.parametrize("stays", [{"on_arrival": "hold"}, {"hold_station": True}])
+def test_a_goal_that_is_kept_after_arrival_is_one_that_may_be_taken_back(stays) -> None:
+    mission = Mission(MissionSettings(waypoints_m=((10, 0),), **stays))
+    names(mission, (10, 0))
+    assert mission.arrived
+    assert mission.bound_N.tolist() == [[10.0, 0.0]]
+    stops = Mission(MissionSettings(waypoints_m=((10, 0),)))
+    names(stops, (10, 0))
+    assert len(stops.bound_N) == 0

@@ -4,14 +4,16 @@ import math
 
 import numpy as np
 import pytest
-from tests.harness.boat import Boat
+from tests.harness.boat import Boat, Steady, cloud, make_pipeline, odometry
 
 from twinscrew.hil_sim.odometry import OdometrySettings, measure
 from twinscrew.hil_sim.sea.sea import Sea, SeaSettings, WaveSettings, WindSettings
 from twinscrew.hil_sim.vessel.dynamics import VesselDynamics
 from twinscrew.hil_sim.vessel.rest import at_rest
+from twinscrew.runtime.charts.static_map import Area
+from twinscrew.runtime.errors import MessageError
 from twinscrew.runtime.messages import cdr
-from twinscrew.runtime.messages.types import Berth, Station, Tracks
+from twinscrew.runtime.messages.types import Berth, Fallback, Station, Tracks
 from twinscrew.runtime.safety.assurance import without_face
 from twinscrew.runtime.safety.guard import ThrustLimits
 from twinscrew.runtime.vessel.station import Berthing, Keeper, Phase, StationSettings
@@ -133,6 +135,15 @@ def test_the_assurance_lets_go_of_the_face_alone():
     ]
 
 
+def test_what_is_left_of_a_quay_beside_the_face_keeps_its_forbidden_side():
+    northward = np.array([[[-50.0, 0.1], [50.0, 0.1]]])
+    assert without_face(northward[:, ::-1], FACE).tolist() == [
+        [[50.0, 0.1], [2.5, 0.1]],
+        [[-2.5, 0.1], [-50.0, 0.1]],
+    ]
+    assert len(without_face(np.array([[[2.0, 0.1], [-2.4, 0.1]]]), FACE)) == 0
+
+
 def boat_that_holds(**link: object) -> Boat:
     boat = Boat(waypoints_m=(), **link)
     boat.vessel.pipeline.keeper = Keeper(StationSettings(), load_vessel(), ThrustLimits())
@@ -190,3 +201,104 @@ def test_a_new_order_ends_a_berthing():
     boat.sail(0.5)
     assert boat.vessel.pipeline.berthing is None
     assert boat.vessel.pipeline.mission.station is not None
+
+
+class ComesIn:
+    """A pipeline that is on its way in to a berth; scans come while the boat is moved by hand."""
+
+    def __init__(self) -> None:
+        self.pipeline = make_pipeline(Steady(), ())
+        self.pipeline.keeper = Keeper(StationSettings(), load_vessel(), ThrustLimits())
+        self.time_s = 0.0
+        face_N = np.array([[-8.0, 9.0], [8.0, 9.0]])
+        self.pipeline.mission.set_berth(Berth(stamp_ns=0, face_N=face_N))
+        self.scan((0.0, 0.0))
+        self.berthing.phase, self.berthing.tries = Phase.APPROACH, 1
+        self.scan(self.line_up)
+        assert self.pipeline.assurance.berth_N is not None
+
+    @property
+    def berthing(self) -> Berthing:
+        return self.pipeline.berthing
+
+    @property
+    def line_up(self) -> tuple[float, float]:
+        return tuple(self.berthing.line_up_N.tolist())
+
+    def scan(self, place: tuple[float, float], *, engaged: bool = True) -> list[str]:
+        self.time_s += 0.1
+        now = odometry(self.time_s, *place)
+        decision, _ = self.pipeline.step(cloud(self.time_s), now, engaged=engaged)
+        self.thrust = decision.thrust
+        return [event.name for event in decision.events]
+
+
+def test_a_way_in_is_broken_off_when_a_pilot_takes_over_and_the_face_is_kept_clear_of_again():
+    boat = ComesIn()
+    assert "berth_aborted" in boat.scan(boat.line_up, engaged=False)
+    assert boat.berthing.phase is Phase.STAND_OFF
+    assert boat.pipeline.assurance.berth_N is None
+    assert "berth_aborted" not in boat.scan((-100.0, 0.0))
+    assert boat.pipeline.assurance.berth_N is None
+
+
+def test_a_way_in_is_broken_off_when_the_place_is_to_be_held():
+    boat = ComesIn()
+    boat.pipeline.mission.hold(odometry(boat.time_s, *boat.line_up))
+    assert "berth_aborted" in boat.scan(boat.line_up)
+    assert boat.pipeline.assurance.berth_N is None
+
+
+def test_one_scan_that_shows_nothing_does_not_break_off_a_way_in():
+    boat = ComesIn()
+    boat.pipeline.perception.step = lambda *_, **__: (_ for _ in ()).throw(MessageError("bad"))
+    assert "perception_error" in boat.scan(boat.line_up)
+    assert not boat.thrust.any()
+    assert boat.berthing.phase is Phase.APPROACH
+
+
+def test_a_boat_that_lay_alongside_rests_until_it_is_given_an_order():
+    boat = ComesIn()
+    boat.berthing.phase = Phase.ALONGSIDE
+    for place in (boat.line_up, (-100.0, 0.0), (-100.0, 0.0)):
+        boat.scan(place)
+        assert not boat.thrust.any()
+        assert not boat.pipeline.has_task
+    boat.pipeline.mission.set_station(Station(stamp_ns=0, position_N=np.zeros(2)))
+    boat.scan((-100.0, 0.0))
+    assert boat.pipeline.has_task
+
+
+def test_outside_the_envelope_a_boat_that_comes_in_holds_its_place():
+    boat = boat_that_holds()
+    boat.sail(3.0).take_in("berth", BERTH)
+    boat.sail(0.5)
+    boat.place = tuple(boat.vessel.pipeline.berthing.line_up_N.tolist())
+    boat.sail(0.5)
+    mission = boat.vessel.pipeline.mission
+    assert mission.berths
+    hold = Fallback(stamp_ns=boat.vessel.stamp_ns, response="hold", reason="a test")
+    boat.take_in("fallback", cdr.encode_fallback(hold))
+    assert mission.holds
+    assert not mission.berths
+
+
+def test_a_berth_that_was_ordered_before_the_first_odometry_is_not_taken_back():
+    boat = boat_that_holds()
+    quay = np.array([[-20.0, 9.0], [20.0, 9.0], [20.0, 30.0], [-20.0, 30.0]])
+    assert boat.vessel.fence("station", (Area(kind="land", outline=quay),)) == ""
+    boat.take_in("berth", BERTH)
+    boat.sail(1.0)
+    assert "goal_forbidden" not in boat.names
+    assert boat.vessel.pipeline.berthing is not None
+
+
+def test_that_a_heading_cannot_be_held_is_said_of_each_order():
+    keeper = Keeper(StationSettings(), load_vessel(), ThrustLimits())
+    said = []
+    for k in range(600):  # it lies still under thrust ahead: the drift comes from ahead
+        heading = math.radians(90.0 if k < 300 else 80.0)
+        station = Station(stamp_ns=0, position_N=np.zeros(2), heading=heading)
+        _, events = keeper.step(odometry(0.1 * k), np.array([100.0, 100.0]), station)
+        said += [event.detail.split(" deg")[0] for event in events]
+    assert said == ["asked 90", "asked 80"]
