@@ -12,6 +12,8 @@ pytestmark = pytest.mark.slow
 
 KEYS = {"success", "seed", "vessels", "latency_ms", "real_time_factor", "decisions_sha256"}
 VESSEL_KEYS = {"name", "outcome", "travel_time_s", "closest_approach_m", "decisions"}
+VESSEL_KEYS |= {"touched", "greatest_current_mps"}
+"""Keys may come to others; none may go."""
 
 
 def lockstep(out: Path, *words: object, **environment: str):
