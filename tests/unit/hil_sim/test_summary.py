@@ -20,6 +20,8 @@ def vessel(name: str, outcome: str = "goal", closest: float = 3.21049, p99: floa
         latency=LatencySummary(180, 0.5, p99, p99, 9.0),
         energy_ns=12345.678,
         sha256=name * 8,
+        touched=None,
+        greatest_current_mps=0.1234,
     )
 
 
@@ -45,6 +47,8 @@ def test_the_object_has_the_keys_that_others_script() -> None:
                 "travel_time_s": 17.95,
                 "closest_approach_m": 3.21,
                 "decisions": 180,
+                "touched": None,
+                "greatest_current_mps": 0.123,
             }
         ],
         "latency_ms": {"p50": 0.5, "p99": 2.0, "max": 9.0},
