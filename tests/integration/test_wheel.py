@@ -11,7 +11,7 @@ import pytest
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
-GREATEST_MB = 1.6
+GREATEST_MB = 2.4
 
 
 @pytest.fixture(scope="module")
