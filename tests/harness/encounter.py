@@ -13,9 +13,9 @@ from twinscrew.runtime.policy.vessel_model import VesselModel
 RADIUS = 2.8
 
 
-def observation(ego=(30.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), objects=()):
-    rows = np.zeros((5, 5), dtype=np.float32)
-    mask = np.zeros(5, dtype=np.float32)
+def observation(ego=(30.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), objects=(), room=5):
+    rows = np.zeros((room, 5), dtype=np.float32)
+    mask = np.zeros(room, dtype=np.float32)
     for k, row in enumerate(objects):
         rows[k], mask[k] = row, 1.0
     return Observation(ego=np.array(ego, dtype=np.float32), objects=rows, mask=mask)

@@ -1,11 +1,10 @@
 """The potential field: its force against the potential's numerical gradient, and encounters."""
 
-import importlib.util
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.harness import encounter
 
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.policy.load import Policy
@@ -18,12 +17,6 @@ from twinscrew.runtime.policy.planners import (
     virtual_obstacles,
 )
 from twinscrew.runtime.settings import load, shipped
-
-_spec = importlib.util.spec_from_file_location(
-    "encounter", Path(__file__).with_name("encounter.py")
-)
-encounter = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(encounter)
 
 SETTINGS = ApfSettings()
 

@@ -1,11 +1,10 @@
 """Predictive control: its cost terms by hand, and encounters."""
 
-import importlib.util
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.harness import encounter
 
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.policy.load import Policy
@@ -19,12 +18,6 @@ from twinscrew.runtime.policy.planners import (
 )
 from twinscrew.runtime.policy.vessel_model import Rollout
 from twinscrew.runtime.settings import load, shipped
-
-_spec = importlib.util.spec_from_file_location(
-    "encounter", Path(__file__).with_name("encounter.py")
-)
-encounter = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(encounter)
 
 SETTINGS = MpcSettings()
 

@@ -1,20 +1,12 @@
 """What both baselines share: 25 actions, the cheapest wins, and radii as they count."""
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
+from tests.harness import encounter
 
 from twinscrew.runtime.errors import PolicyError
 from twinscrew.runtime.policy.planners import Planner, PlannerSettings, seen_objects
 from twinscrew.runtime.policy.vessel_model import action_set
-
-_spec = importlib.util.spec_from_file_location(
-    "encounter", Path(__file__).with_name("encounter.py")
-)
-encounter = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(encounter)
 
 
 class Turning(Planner):

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from tests.harness.encounter import observation
 
 from twinscrew.runtime.messages.types import Observation
 from twinscrew.runtime.policy.load import load_policy
@@ -22,14 +23,7 @@ AHEAD = np.array([2.0, 0.0])
 
 
 def seen(*objects, goal=(60.0, 0.0), surge=2.0) -> Observation:
-    rows = np.zeros((8, 5), np.float32)
-    for k, row in enumerate(objects):
-        rows[k] = row
-    return Observation(
-        ego=np.array([*goal, surge, 0, 0, 200, 200], np.float32),
-        objects=rows,
-        mask=(np.arange(8) < len(objects)).astype(np.float32),
-    )
+    return observation((*goal, surge, 0, 0, 200, 200), objects, room=8)
 
 
 def course_deg(*objects) -> float:
